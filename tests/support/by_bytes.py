@@ -210,7 +210,7 @@ def _drive_cycler(rig):
 
 
 def _outputs_on(rig):
-    outputs = rig.peer.state()["outputs"]
+    outputs = rig.peer.state()["parts"]
     return {number for number, output in outputs.items() if output["on"] or output["stuck_on"]}
 
 

@@ -6,13 +6,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Annotated
 
+from hil.instruments.scpi_instrument import OFF, Speech
 from hil.instruments.scpi_session import as_register, as_switch
 from hil.model.notation import matching, measured
 
-__all__ = ["OFF", "BothLevels", "Dialect", "LevelAndFuse", "Levels", "Protection", "VoltageLevel", "mode_of"]
-
-OFF = rb"\+?0|(?i:OFF)"
-"""What a reply looks like that means off, as a regular expression; nothing that means on matches it."""
+__all__ = ["BothLevels", "Dialect", "LevelAndFuse", "Levels", "Protection", "VoltageLevel", "mode_of"]
 
 _AtSetting = Annotated[
     str, matching("at setting", "'at setting' or left out: this protection has no level, it trips at the current limit")
@@ -99,11 +97,10 @@ def _says_off(channel: int) -> bytes:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Dialect:
+class Dialect(Speech):
     """One family's commands; `{channel}` and `{value}` are filled in.
 
     Attributes:
-        driver: the driver's name in bench files.
         channels: the outputs that the family has.
         decimals: digits after the point that are sent.
         tolerance: how far a setting that is read back may lie from what was sent (V or A): the
@@ -119,13 +116,8 @@ class Dialect:
         as_trip: reads whether a protection has tripped.
         as_mode: reads `CV`, `CC` or `unregulated` of a channel.
         says_off: returns what the reply of `is_on` looks like where a channel is off, as a regular expression.
-        error_query: takes the oldest entry out of the error queue.
-        framed: whether a question may stand in a line with `*IDN?`.
-        fields: the most fields of an identification.
-        pause_s: what the instrument needs between lines [s].
     """
 
-    driver: str
     channels: tuple[int, ...]
     decimals: int
     tolerance: float
@@ -148,10 +140,6 @@ class Dialect:
     as_trip: Callable[[str], bool] = as_switch
     as_mode: Callable[[str, int], str] = _AS_MODE
     says_off: Callable[[int], bytes] = _says_off
-    error_query: str = "SYST:ERR?"
-    framed: bool = False
-    fields: int = 4
-    pause_s: float = 0.0
 
     def channels_of(self, model: str) -> tuple[int, ...]:
         """Return the outputs that a model has, all of the family's where it is not listed."""

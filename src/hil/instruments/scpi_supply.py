@@ -3,29 +3,24 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Sequence
 from typing import ClassVar
 
 from hil.instruments import settings
-from hil.instruments.driver import OVER_VOLTAGE_LEVEL, TERMINATED, Clamps, Connection, Outlet
+from hil.instruments.driver import OVER_VOLTAGE_LEVEL, TERMINATED, Clamps, Outlet
 from hil.instruments.marks import drives, reads
-from hil.instruments.pacing import PacedPort
 from hil.instruments.roles import SUPPLY
 from hil.instruments.safing import NUMBER, must_be_state, own_bounds
 from hil.instruments.scpi_dialect import Dialect, Levels, Protection
-from hil.instruments.scpi_session import ClosedSession, ScpiSession, as_quantity
+from hil.instruments.scpi_instrument import ScpiInstrument, switched_off
+from hil.instruments.scpi_session import ScpiSession, as_quantity
 from hil.model.bench import Proof, Wire
 from hil.model.errors import Refused, Rejected
 from hil.model.figure import Figure
-from hil.model.identity import Identity
-from hil.model.safing import Exchange, SafeBytes
+from hil.model.safing import SafeBytes
 
 __all__ = ["ScpiOutput", "ScpiSupply"]
 
-_GAP_S = 0.02
-_IDENTIFY = "*IDN?"
-_IDENTIFICATION = rb"[^,;\r\n]+(?:,[^,;\r\n]*){3,%d}"
 _READ = {"voltage": as_quantity("V"), "current": as_quantity("A")}
 _MEASURED = {"voltage": NUMBER + b" *V?", "current": NUMBER + b" *A?"}
 
@@ -147,7 +142,7 @@ class ScpiOutput:
         for quantity, question in (("voltage", dialect.measure_voltage), ("current", dialect.measure_current)):
             if bounds := own_bounds(self._name, proof, quantity):
                 questions.append((self._filled(question), _MEASURED[quantity], bounds))
-        return _switched_off(dialect, self._filled(dialect.switch_off), tuple(questions), self._session)
+        return switched_off(dialect, self._filled(dialect.switch_off), tuple(questions), self._session)
 
     def _must_be_rated(self, voltage: float, current: float) -> None:
         """Refuse what the model that was identified does not have or cannot give."""
@@ -218,39 +213,20 @@ class ScpiOutput:
         return template.format(channel=self._channel, value=value)
 
 
-class ScpiSupply:
+class ScpiSupply(ScpiInstrument):
     """A driver for power supplies of one dialect: role `supply` on each of its channels.
 
     A wire may set `over_voltage` (volts), the level of the over-voltage protection, and where the dialect has one
-    `over_current` (amperes); protections that have a switch are then switched on. The instrument is never reset: `*RST`
-    would switch outputs off in an order that nobody chose, and forget what a person had set.
+    `over_current` (amperes); protections that have a switch are then switched on.
     """
 
     roles: ClassVar[frozenset[str]] = frozenset({"supply"})
     capabilities: ClassVar[frozenset[str]] = frozenset({OVER_VOLTAGE_LEVEL, TERMINATED})
     dialect: ClassVar[Dialect]
 
-    def __init__(self, connection: Connection) -> None:
-        dialect, port = self.dialect, connection.port
-        if port is None:
-            raise Refused(f"{connection.device}: the driver {dialect.driver} needs a port", "give it `port:`")
-        self._connection = connection
-        paced = PacedPort(port, connection.clock, dialect.pause_s) if dialect.pause_s else port
-        session = ScpiSession if dialect.framed else ClosedSession
-        self._session = session(
-            connection.device,
-            paced,
-            terminator=connection.terminator or b"\n",
-            timeout=connection.timeout,
-            error_query=dialect.error_query,
-            framed=dialect.framed,
-            fields=dialect.fields,
-        )
-
-    def identify(self) -> Identity:
-        """Ask `*IDN?`."""
-        manufacturer, model, serial, firmware = self._session.identification()
-        return Identity(manufacturer=manufacturer, model=model, serial=serial, firmware=firmware)
+    def __init_subclass__(cls) -> None:
+        """Talk as the dialect has it."""
+        cls.speech = cls.dialect
 
     def outlets(self) -> Sequence[Outlet]:
         """Ask every channel that the model has whether it is on."""
@@ -277,60 +253,3 @@ class ScpiSupply:
         dialect = self.dialect
         question = dialect.is_on.format(channel=channel)
         return self._session.query(question, lambda reply: dialect.as_state(reply, channel))
-
-
-def _switched_off(
-    dialect: Dialect,
-    off: str,
-    questions: tuple[tuple[str, bytes, tuple[float, float] | None], ...],
-    session: ScpiSession,
-) -> SafeBytes:
-    """Return how an output is made safe by bytes alone.
-
-    A killed program may have left half a line, and a line feed would let the instrument execute it: `OUTP ON` without
-    the channels that were to follow switches whichever is selected. So the first thing sent is `*IDN?`: after half a
-    line it makes nonsense of it, which is refused whole; after nothing it is a question that changes nothing. The error
-    queue is not emptied: what stands there shows the next program what happened.
-
-    The proof begins with `*IDN?` too: when its reply has come, the instrument talks, and no older one is owed.
-
-    A line may come back before its reply, blanks may surround a reply, and a carriage return may end it.
-
-    Args:
-        dialect: whether a question may stand in a line with `*IDN?`, and what the instrument needs between lines.
-        off: the command.
-        questions: what is asked, what the reply must be, and the bounds of the number in it, if there is one.
-        session: says what ends a line, and how long a reply may take.
-    """
-    quiet_s, within_s = _GAP_S + dialect.pause_s, session.timeout
-    begins, ends = (rb"(?:\A|\r)", rb" *\r") if session.terminator == b"\r" else (rb"(?:\A|\n)", rb" *\r?\n")
-    identification = _IDENTIFICATION % (dialect.fields - 1)
-
-    def bytes_of(text: str) -> bytes:
-        return text.encode("ascii") + session.terminator
-
-    def asked(question: str, reply: bytes, bounds: tuple[float, float] | None) -> Exchange:
-        separator = "" if question.startswith(":") else ":"
-        line = f"{_IDENTIFY};{separator}{question}" if dialect.framed else question
-        echo = rb"(?:" + re.escape(line.encode("ascii")) + ends + rb")?"
-        frame = identification + rb"; *" if dialect.framed else rb" *"
-        return Exchange(
-            send=bytes_of(line),
-            expect=rb"\A" + echo + frame + rb"(?:" + reply + rb")" + ends,
-            within_s=within_s,
-            quiet_s=quiet_s,
-            between=bounds,
-        )
-
-    nothing_owed = Exchange(
-        send=bytes_of(_IDENTIFY),
-        expect=begins + identification + ends,
-        within_s=within_s,
-        quiet_s=quiet_s,
-    )
-    return SafeBytes(
-        resync=(Exchange(send=bytes_of(_IDENTIFY), quiet_s=quiet_s),),
-        off=(Exchange(send=bytes_of(off), quiet_s=quiet_s),),
-        proof=(nothing_owed, *(asked(*each) for each in questions)),
-        owed_s=within_s,
-    )

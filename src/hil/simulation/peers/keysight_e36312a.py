@@ -12,10 +12,11 @@ from dataclasses import dataclass
 
 from hil.model.notation import AnyText, NotNegative
 from hil.simulation.faults import Identity
+from hil.simulation.peers.manner import DeviceTruth
 from hil.simulation.peers.scpi import channel_list
-from hil.simulation.peers.scpi_manual import Clear, Manual, Reading, Row, Setting, Switch
-from hil.simulation.peers.scpi_supply import model_of
-from hil.simulation.peers.supply_output import NotANumber, OutputTruth, Rating, RefuseOff, SupplyOutput, SupplyTruth
+from hil.simulation.peers.scpi_manual import Clear, Reading, Row, Setting, Switch
+from hil.simulation.peers.scpi_supply import SupplyManual, model_of
+from hil.simulation.peers.supply_output import NotANumber, OutputTruth, Rating, RefuseOff, SupplyOutput
 
 __all__ = ["KEYSIGHT", "MODEL", "ROWS", "KeysightTruth"]
 
@@ -27,7 +28,7 @@ _NR3 = "{:+.8E}".format
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class KeysightTruth(SupplyTruth):
+class KeysightTruth(DeviceTruth):
     """One device."""
 
     serial: AnyText = "MY00000001"
@@ -87,7 +88,7 @@ ROWS: tuple[Row, ...] = (
 )
 """What these manuals have in common; where no channel list is given, the output that was selected is meant."""
 
-KEYSIGHT = Manual(
+KEYSIGHT = SupplyManual(
     identity="Keysight Technologies,E36312A,{serial},{firmware}",
     truth=KeysightTruth,
     ratings={1: _SIX, 2: _TWENTY_FIVE, 3: _TWENTY_FIVE},

@@ -1,4 +1,4 @@
-"""How one firmware writes what another one writes otherwise: ends of lines, words for on and off, forms of numbers."""
+"""What one device says of itself, and how its firmware writes what another one writes otherwise."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Annotated
 
-from hil.model.notation import AnyText, Flag, one_of
+from hil.model.notation import AnyText, Flag, NotNegative, one_of
 
-__all__ = ["CarriageReturns", "Manner"]
+__all__ = ["CarriageReturns", "DeviceTruth", "Manner"]
 
 _ENDS = {"lf": "\n", "cr": "\r", "crlf": "\r\n", "blank crlf": " \r\n"}
 _SWITCHES = {
@@ -31,6 +31,23 @@ _NUMBERS: Mapping[str, Callable[[float, str], str]] = {
 }
 _SAID = {"0": False, "OFF": False, "1": True, "ON": True}
 _NO_NUMBER_FROM = 9.9e37
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DeviceTruth:
+    """One device.
+
+    A model adds `measure_time` [s] where a line with a measurement takes another time, and `pause_time` [s] where a
+    line is lost that comes so soon after another one; without a pause lines wait for their turn.
+
+    Attributes:
+        serial, firmware: what it says of itself.
+        command_time: how long a line takes [s].
+    """
+
+    serial: AnyText = ""
+    firmware: AnyText = ""
+    command_time: NotNegative = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -13,10 +13,11 @@ from dataclasses import dataclass
 
 from hil.model.notation import AnyText, NotNegative
 from hil.simulation.faults import Identity
+from hil.simulation.peers.manner import DeviceTruth
 from hil.simulation.peers.scpi import leading_channel
-from hil.simulation.peers.scpi_manual import By, Clear, Manual, Numbers, Reading, Row, Setting, Switch
-from hil.simulation.peers.scpi_supply import model_of
-from hil.simulation.peers.supply_output import CoarseTruth, Rating, RefuseOff, SupplyOutput, SupplyTruth
+from hil.simulation.peers.scpi_manual import By, Clear, Numbers, Reading, Row, Setting, Switch
+from hil.simulation.peers.scpi_supply import SupplyManual, model_of
+from hil.simulation.peers.supply_output import CoarseTruth, Rating, RefuseOff, SupplyOutput
 
 __all__ = ["MODEL", "RigolTruth"]
 
@@ -29,7 +30,7 @@ _FIVE = Rating(5.0, 3.0, 5.3, 3.2, 5.5, 3.3)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RigolTruth(SupplyTruth):
+class RigolTruth(DeviceTruth):
     """One device."""
 
     serial: AnyText = "DP8C000000001"
@@ -75,7 +76,7 @@ def _protection(
 
 
 MODEL = model_of(
-    Manual(
+    SupplyManual(
         identity="RIGOL TECHNOLOGIES,DP832,{serial},{firmware}",
         truth=RigolTruth,
         ratings={1: _THIRTY, 2: _THIRTY, 3: _FIVE},

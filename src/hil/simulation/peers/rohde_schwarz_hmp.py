@@ -15,10 +15,11 @@ from typing import Annotated
 
 from hil.model.notation import AnyText, NotNegative, one_of
 from hil.simulation.faults import Identity
+from hil.simulation.peers.manner import DeviceTruth
 from hil.simulation.peers.scpi import ScpiError, no_channel
-from hil.simulation.peers.scpi_manual import Clear, Manual, Reading, Setting, Switch
-from hil.simulation.peers.scpi_supply import model_of
-from hil.simulation.peers.supply_output import OutputTruth, Rating, RefuseOff, SupplyOutput, SupplyTruth
+from hil.simulation.peers.scpi_manual import Clear, Reading, Setting, Switch
+from hil.simulation.peers.scpi_supply import SupplyManual, model_of
+from hil.simulation.peers.supply_output import OutputTruth, Rating, RefuseOff, SupplyOutput
 from hil.wire.checkpoint import Kept
 
 __all__ = ["HMP", "NGE100", "Nge100Truth", "RohdeSchwarzTruth"]
@@ -37,7 +38,7 @@ _NGE100 = {
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RohdeSchwarzTruth(SupplyTruth):
+class RohdeSchwarzTruth(DeviceTruth):
     """One device."""
 
     model: Annotated[str, one_of(*_HMP)] = "HMP4040"
@@ -95,7 +96,7 @@ class _SwitchedOutput(_Output):
         self.over_voltage_on = False
 
 
-_MANUAL = Manual(
+_MANUAL = SupplyManual(
     identity="ROHDE&SCHWARZ,{model},{serial},{firmware}",
     truth=RohdeSchwarzTruth,
     ratings=_HMP["HMP4040"],

@@ -1,6 +1,6 @@
-"""What a SCPI supply does with a program message, by its programming guide.
+"""What a SCPI instrument does with a program message, by its programming guide.
 
-An error ends a message, what was executed before it stands. Assumed: an output that has tripped refuses to switch on
+An error ends a message, what was executed before it stands. Assumed: a part that has tripped refuses to switch on
 with -221 until it is cleared.
 """
 
@@ -14,8 +14,7 @@ from typing import cast
 from hil.simulation.faults import Faults, Identity
 from hil.simulation.peers.manner import Manner
 from hil.simulation.peers.scpi import ErrorQueue, ScpiError, keyword, number, units, word
-from hil.simulation.peers.scpi_manual import By, Clear, Manual, Numbers, Reading, Row, Setting, Switch
-from hil.simulation.peers.supply_output import SupplyOutput
+from hil.simulation.peers.scpi_manual import Act, By, Clear, Manual, Numbers, Part, Reading, Row, Setting, Switch, Word
 from hil.wire.checkpoint import Kept, Stateful
 
 __all__ = ["Commands"]
@@ -27,12 +26,12 @@ _Action = Callable[[int, Sequence[str]], str | None]
 
 
 class Commands(Stateful):
-    """Executes program messages on outputs.
+    """Executes program messages on the parts of an instrument.
 
     Args:
         manual: what the instrument knows.
         identity: what `*IDN?` answers.
-        outputs: the outputs by number.
+        parts: the parts by number.
         faults: what goes wrong.
         manner: how its firmware writes answers.
     """
@@ -41,12 +40,12 @@ class Commands(Stateful):
     _selected: Kept[int]
 
     def __init__(
-        self, manual: Manual, identity: str, outputs: Mapping[int, SupplyOutput], faults: Faults, manner: Manner
+        self, manual: Manual, identity: str, parts: Mapping[int, Part], faults: Faults, manner: Manner
     ) -> None:
         self._manual = manual
         self._manner = manner
         self._identity = identity
-        self._outputs = outputs
+        self._parts = parts
         self._faults = faults
         self.errors = ErrorQueue()
         self._selected = 1
@@ -111,7 +110,7 @@ class Commands(Stateful):
             self._know(row.header, False, self._sets(row))
         elif isinstance(row, Switch):
             off, on = self._manual.on_off
-            read = Reading(row.header, lambda output, _: on if getattr(output, row.name) else off)
+            read = Reading(row.header, lambda part, _: on if getattr(part, row.name) else off)
             if row.asked:
                 self._know(row.header, True, self._reads(read))
             self._know(row.header, False, self._switches(row))
@@ -119,8 +118,15 @@ class Commands(Stateful):
             self._know(row.header, False, self._clears(row))
         elif isinstance(row, Numbers):
             self._know(row.header, False, self._sets_several(row))
+        elif isinstance(row, Word):
+            self._know(
+                row.header, True, self._reads(Reading(row.header, lambda part, _: row.told[getattr(part, row.name)]))
+            )
+            self._know(row.header, False, self._chooses(row))
+        elif isinstance(row, Act):
+            self._know(row.header, row.asked, self._acts(row))
         else:
-            self._know(row.header, True, _alone(lambda: row.tell(self._outputs, self._now_ns)))
+            self._know(row.header, True, _alone(lambda: row.tell(self._parts, self._now_ns)))
 
     def _know(self, header: str, query: bool, action: _Action) -> None:
         told = self._manner.told(header) if query else None
@@ -128,10 +134,10 @@ class Commands(Stateful):
 
     def _reads(self, row: Reading) -> _Action:
         def action(suffix: int, parameters: Sequence[str]) -> str:
-            values, outputs = self._targets(row.by, suffix, parameters)
+            values, parts = self._targets(row.by, suffix, parameters)
             if values:
                 raise ScpiError(-108)
-            return ",".join([row.form(row.read(output, self._now_ns)) for output in outputs])
+            return ",".join([row.form(row.read(part, self._now_ns)) for part in parts])
 
         return action
 
@@ -139,77 +145,98 @@ class Commands(Stateful):
         """Answer a setting, or with MIN, MAX or DEF its bounds."""
 
         def action(suffix: int, parameters: Sequence[str]) -> str:
-            values, outputs = self._targets(row.by, suffix, parameters)
+            values, parts = self._targets(row.by, suffix, parameters)
             if values and row.usual is None:
                 raise ScpiError(-108)
             bound = word(values[0]) if values else ""
             if bound is None:
                 raise ScpiError(-224)
-            return ",".join(row.form(_bound(row, output, bound)) for output in outputs)
+            return ",".join(row.form(_bound(row, part, bound)) for part in parts)
 
         return action
 
     def _sets(self, row: Setting) -> _Action:
-        """Take a number, or MIN, MAX, DEF. All outputs are set, or none."""
+        """Take a number, or MIN, MAX, DEF. All parts are set, or none."""
 
         def action(suffix: int, parameters: Sequence[str]) -> None:
-            values, outputs = self._targets(row.by, suffix, parameters)
+            values, parts = self._targets(row.by, suffix, parameters)
             text = _single(values)
-            numbers = [_number_for(row, output, text) for output in outputs]
-            for output, value in zip(outputs, numbers, strict=True):
-                _write(row, output, value)
+            numbers = [_number_for(row, part, text) for part in parts]
+            for part, value in zip(parts, numbers, strict=True):
+                _write(row, part, value)
 
         return action
 
     def _sets_several(self, row: Numbers) -> _Action:
         def action(suffix: int, parameters: Sequence[str]) -> None:
-            values, (output, *_) = self._targets("parameter", suffix, parameters)
+            values, (part, *_) = self._targets("parameter", suffix, parameters)
             if len(values) != len(row.settings):
                 raise ScpiError(-108 if len(values) > len(row.settings) else -109)
-            numbers = [_number_for(one, output, text) for one, text in zip(row.settings, values, strict=True)]
+            numbers = [_number_for(one, part, text) for one, text in zip(row.settings, values, strict=True)]
             for one, value in zip(row.settings, numbers, strict=True):
-                _write(one, output, value)
+                _write(one, part, value)
 
         return action
 
     def _switches(self, row: Switch) -> _Action:
         def action(suffix: int, parameters: Sequence[str]) -> None:
             by: By = "selected" if row.all else "parameter"
-            values, outputs = self._targets(by, suffix, parameters)
+            values, parts = self._targets(by, suffix, parameters)
             on = _ON_OFF.get(_single(values).upper())
             if on is None:
                 raise ScpiError(-224)
-            for output in self._outputs.values() if row.all else outputs:
+            for part in self._parts.values() if row.all else parts:
                 if row.name != "on":
-                    setattr(output, row.name, on)
-                elif on and (output.over_voltage or output.over_current):
+                    setattr(part, row.name, on)
+                elif on and part.tripped:
                     raise ScpiError(-221)
                 else:
-                    output.switch(on, self._now_ns)
-                output.follow(self._now_ns)
+                    part.switch(on, self._now_ns)
+                part.follow(self._now_ns)
+
+        return action
+
+    def _chooses(self, row: Word) -> _Action:
+        words = [(keyword(text), meant) for text, meant in row.words.items()]
+
+        def action(suffix: int, parameters: Sequence[str]) -> None:
+            values, parts = self._targets("parameter", suffix, parameters)
+            text = _single(values).upper()
+            meant = next((meant for pattern, meant in words if pattern.fullmatch(text)), None)
+            if meant is None:
+                raise ScpiError(-224)
+            for part in parts:
+                setattr(part, row.name, meant)
+
+        return action
+
+    def _acts(self, row: Act) -> _Action:
+        def action(suffix: int, parameters: Sequence[str]) -> str | None:
+            values, (part, *_) = self._targets("parameter", suffix, parameters)
+            return row.do(part, values, self._now_ns)
 
         return action
 
     def _clears(self, row: Clear) -> _Action:
         def action(suffix: int, parameters: Sequence[str]) -> None:
-            values, outputs = self._targets("parameter", suffix, parameters)
+            values, parts = self._targets("parameter", suffix, parameters)
             if values:
                 raise ScpiError(-108)
-            for output in outputs:
+            for part in parts:
                 for name in row.names:
-                    setattr(output, name, False)
+                    setattr(part, name, False)
 
         return action
 
-    def _targets(self, by: By, suffix: int, parameters: Sequence[str]) -> tuple[list[str], list[SupplyOutput]]:
-        """Split parameters into values and the outputs that are meant."""
+    def _targets(self, by: By, suffix: int, parameters: Sequence[str]) -> tuple[list[str], list[Part]]:
+        """Split parameters into values and the parts that are meant."""
         values, chosen = self._split_off(tuple(parameters)) if by == "parameter" else (list(parameters), None)
         if by == "number":
-            if suffix not in self._outputs:
+            if suffix not in self._parts:
                 raise ScpiError(-113)
             chosen = [suffix]
         try:
-            return values, [self._outputs[number] for number in ([self._selected] if chosen is None else chosen)]
+            return values, [self._parts[number] for number in ([self._selected] if chosen is None else chosen)]
         except KeyError:
             raise ScpiError(self._manual.no_channel) from None
 
@@ -224,7 +251,7 @@ class Commands(Stateful):
 
     def _select(self, _: int, parameters: Sequence[str]) -> None:
         match = re.fullmatch(r"(?:CH|OUT(?:P(?:UT)?)?)?(\d)", _single(parameters).upper())
-        if match is None or int(match[1]) not in self._outputs:
+        if match is None or int(match[1]) not in self._parts:
             raise ScpiError(-224)
         self._selected = int(match[1])
 
@@ -237,8 +264,8 @@ class Commands(Stateful):
 
     def _reset(self) -> None:
         self._selected = 1
-        for output in self._outputs.values():
-            output.reset(self._now_ns)
+        for part in self._parts.values():
+            part.reset(self._now_ns)
 
 
 def _marked(identification: str) -> str:
@@ -274,28 +301,28 @@ def _single(values: Sequence[str]) -> str:
     return values[0]
 
 
-def _write(row: Setting, output: SupplyOutput, value: float) -> None:
+def _write(row: Setting, part: Part, value: float) -> None:
     if row.write is None:
-        setattr(output, row.name, value)
+        setattr(part, row.name, value)
     else:
-        row.write(output, value)
+        row.write(part, value)
 
 
-def _bound(row: Setting, output: SupplyOutput, bound: str) -> float:
+def _bound(row: Setting, part: Part, bound: str) -> float:
     """Return a setting, or what MIN, MAX or DEF stand for."""
     if not bound:
-        return cast("float", getattr(output, row.name))
+        return cast("float", getattr(part, row.name))
     if bound == "MIN":
-        return 0.0
-    return row.most(output.rating) if bound == "MAX" or row.usual is None else row.usual(output.rating)
+        return row.least
+    return row.most(part.rating) if bound == "MAX" or row.usual is None else row.usual(part.rating)
 
 
-def _number_for(row: Setting, output: SupplyOutput, text: str) -> float:
-    """Read the number of a setting for one output."""
+def _number_for(row: Setting, part: Part, text: str) -> float:
+    """Read the number of a setting for one part."""
     bound = word(text)
     if bound and (bound != "DEF" or row.usual is not None):
-        return _bound(row, output, bound)
+        return _bound(row, part, bound)
     value = number(text, row.units)
-    if not 0 <= value <= row.most(output.rating):
+    if not row.least <= value <= row.most(part.rating):
         raise ScpiError(-222)
     return value

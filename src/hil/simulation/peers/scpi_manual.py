@@ -1,19 +1,72 @@
-"""The programming guide of a SCPI supply as a table: headers, and what they read, set and refuse."""
+"""The programming guide of a SCPI instrument as a table: headers, and what they read, set and refuse."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 from hil.simulation.faults import Fault
-from hil.simulation.peers.manner import Manner
-from hil.simulation.peers.supply_output import OutputTruth, Rating, SupplyOutput, SupplyTruth
+from hil.simulation.peers.manner import DeviceTruth, Manner
+from hil.wire.checkpoint import Stateful
 
-__all__ = ["By", "Clear", "Manual", "Numbers", "Reading", "Row", "Setting", "Switch", "Whole"]
+__all__ = ["Act", "By", "Clear", "Manual", "Numbers", "Part", "Reading", "Row", "Setting", "Switch", "Whole", "Word"]
 
 By = Literal["parameter", "number", "selected"]
-"""What names the output of a header: a parameter, the number in the header, or the selection."""
+"""What names the part of a header: a parameter, the number in the header, or the selection."""
+
+
+class Part(Stateful):
+    """What headers concern: an output of a supply, the input of a load, the front end of a meter.
+
+    Attributes:
+        rating: bounds of its settings, as the rows of its manual read them.
+    """
+
+    rating: Any = None
+
+    def reset(self, now_ns: int) -> None:
+        """Return to the settings of power-on."""
+        del now_ns
+
+    def apply(self) -> None:
+        """Give to the terminals what the settings say."""
+
+    def switch(self, on: bool, now_ns: int) -> None:
+        """Switch it, where it can be switched."""
+        del on, now_ns
+
+    def follow(self, now_ns: int) -> None:
+        """Do what a switch of the instrument asks for that was just set; here every switch is one of its own."""
+        del now_ns
+
+    def protect(self, now_ns: int) -> None:
+        """Trip the protections that are due."""
+        del now_ns
+
+    def listen(self, callback: Callable[[], None]) -> None:
+        """Call back when something else has changed what is connected to it."""
+        del callback
+
+    def takes_ns(self, line: str, now_ns: int) -> int:
+        """Return how much longer than others a line in capitals takes."""
+        del line, now_ns
+        return 0
+
+    @property
+    def tripped(self) -> bool:
+        """Whether a protection has tripped and was not cleared."""
+        return False
+
+    @property
+    def watched(self) -> bool:
+        """Whether a protection could trip without another command."""
+        return False
+
+    @property
+    def lifted(self) -> bool:
+        """Whether its terminals are above the level of a protection that is on."""
+        return False
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,13 +75,13 @@ class Reading:
 
     Attributes:
         header: as manuals print it: `MEASure[:VOLTage]`, `ISUMmary<n>`.
-        read: reads an output at an instant in ns.
+        read: reads a part at an instant in ns.
         form: writes what was read.
-        by: what names the output: a parameter of the manual's form, the number in the header, or the selection.
+        by: what names the part: a parameter of the manual's form, the number in the header, or the selection.
     """
 
     header: str
-    read: Callable[[SupplyOutput, int], object]
+    read: Callable[[Any, int], object]
     form: Callable[..., str] = str
     by: By = "parameter"
 
@@ -39,21 +92,23 @@ class Setting:
 
     Attributes:
         header, form, by: see `Reading`.
-        name: the output's attribute.
+        name: the part's attribute.
         most: the highest number.
         usual: the number after a reset; None if the word DEF is not known, and bounds cannot be asked for.
         write: sets it, where it is more than the attribute.
         units: factors of suffixes; none where a suffix is not known.
+        least: the lowest number.
     """
 
     header: str
     name: str
     form: Callable[..., str]
-    most: Callable[[Rating], float]
-    usual: Callable[[Rating], float] | None = None
-    write: Callable[[SupplyOutput, float], None] | None = None
+    most: Callable[[Any], float]
+    usual: Callable[[Any], float] | None = None
+    write: Callable[[Any, float], None] | None = None
     units: Mapping[str, float] = field(default_factory=dict)
     by: By = "parameter"
+    least: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,8 +117,8 @@ class Switch:
 
     Attributes:
         header: see `Reading`.
-        name: the output's attribute, or `on` for the output itself.
-        all: whether it concerns every output, and no parameter names one.
+        name: the part's attribute, or `on` for the part itself.
+        all: whether it concerns every part, and no parameter names one.
         asked: whether it can be asked for.
     """
 
@@ -75,15 +130,15 @@ class Switch:
 
 @dataclass(frozen=True, slots=True)
 class Whole:
-    """A header that is asked, and whose answer is of all outputs."""
+    """A header that is asked, and whose answer is of all parts."""
 
     header: str
-    tell: Callable[[Mapping[int, SupplyOutput], int], str]
+    tell: Callable[[Mapping[int, Any], int], str]
 
 
 @dataclass(frozen=True, slots=True)
 class Clear:
-    """A header that clears latches of an output."""
+    """A header that clears latches of a part."""
 
     header: str
     names: tuple[str, ...]
@@ -97,7 +152,40 @@ class Numbers:
     settings: tuple[Setting, ...]
 
 
-Row = Reading | Setting | Switch | Clear | Numbers | Whole
+@dataclass(frozen=True, slots=True)
+class Word:
+    """A header that takes one of some words, and gives it when it is asked.
+
+    Attributes:
+        header: see `Reading`.
+        name: the part's attribute, which becomes what the word stands for.
+        words: as manuals print them (`CURRent`), and what each stands for.
+        told: how that is written in an answer.
+    """
+
+    header: str
+    name: str
+    words: Mapping[str, str]
+    told: Mapping[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class Act:
+    """A header that is none of the others.
+
+    Attributes:
+        header: see `Reading`.
+        do: takes the part, the parameters and the instant in ns; returns the answer, None where there is none. It may
+            raise `ScpiError`.
+        asked: whether it ends with a question mark.
+    """
+
+    header: str
+    do: Callable[[Any, Sequence[str], int], str | None]
+    asked: bool = False
+
+
+Row = Reading | Setting | Switch | Clear | Numbers | Whole | Word | Act
 """A header of a manual."""
 
 
@@ -108,27 +196,21 @@ class Manual:
     Attributes:
         identity: what `*IDN?` answers, with `{serial}` and `{firmware}`.
         truth: what a bench file says of a device.
-        ratings: by number of the output.
-        deviates: what it says of an output.
-        rows: headers that concern outputs.
+        rows: headers that concern parts.
         answers: headers that are asked and always give the same.
         ignored: headers that change nothing that could be seen.
-        selects: headers that select an output, and how the selection is written where it can be asked for.
-        targets: splits what names outputs off the parameters; None is the selected one.
-        no_channel: the error of an output that there is not.
+        selects: headers that select a part, and how the selection is written where it can be asked for.
+        targets: splits what names parts off the parameters; None is the selected one.
+        no_channel: the error of a part that there is not.
         error_form: writes the number of an error, and its text.
         on_off: how switches are written.
         watches: whether it notices at once what else lifts its terminals.
         faults: the kinds that it knows.
-        output: the class of its outputs.
         manner: what a bench file may say of its firmware, and how it writes usually.
-        of_model: ratings of the models that a truth may name, where they differ.
     """
 
     identity: str
-    truth: type[SupplyTruth]
-    ratings: Mapping[int, Rating]
-    deviates: type[OutputTruth]
+    truth: type[DeviceTruth]
     rows: tuple[Row, ...]
     answers: Mapping[str, str]
     ignored: tuple[str, ...]
@@ -139,6 +221,4 @@ class Manual:
     on_off: tuple[str, str]
     watches: bool
     faults: tuple[type[Fault], ...]
-    output: type[SupplyOutput] = SupplyOutput
     manner: type[Manner] = Manner
-    of_model: Mapping[str, Mapping[int, Rating]] = field(default_factory=dict)

@@ -1,147 +1,40 @@
-"""A SCPI power supply on its line: lines in, answers out, protections that trip in the meantime."""
+"""The programming guide of a SCPI power supply: what its outputs can give, and how they deviate."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import dataclass, field
 
-from hil.clock.port import NANOSECONDS
-from hil.simulation.peers.manner import Manner
 from hil.simulation.peers.model import PeerModel, PeerSetup
-from hil.simulation.peers.scpi_commands import Commands
-from hil.simulation.peers.scpi_manual import Manual
-from hil.simulation.peers.supply_output import SupplyOutput, read_outputs
-from hil.simulation.peers.timing import Alarm
-from hil.wire.checkpoint import Kept, Stateful
-from hil.wire.peer import Line, PeerClock
+from hil.simulation.peers.scpi_instrument import instrument_of
+from hil.simulation.peers.scpi_manual import Manual, Part
+from hil.simulation.peers.supply_output import OutputTruth, Rating, SupplyOutput, read_outputs
 
-__all__ = ["ScpiSupply", "model_of"]
-
-_LONGEST_LINE = 1024
-_MOST_LINES = 256
-_WATCH_NS = 10_000_000
+__all__ = ["SupplyManual", "model_of"]
 
 
-class ScpiSupply(Stateful):
-    """The supply: lines end with a line feed, are executed one after the other, and are answered in order.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SupplyManual(Manual):
+    """What the programming guide of a supply says.
 
-    Args:
-        manual: what its programming guide says.
-        commands: what it executes.
-        outputs: its outputs by number.
-        times_ns: those of its truth.
-        manner: how its firmware writes lines.
+    Attributes:
+        ratings: by number of the output.
+        deviates: what a bench file says of an output.
+        output: the class of its outputs.
+        of_model: ratings of the models that a truth may name, where they differ.
     """
 
-    _commands: Kept[Commands]
-    _outputs: Kept[dict[int, SupplyOutput]]
-    _inbox: Kept[bytes]
-    _lines: Kept[list[str]]
-    _ready_ns: Kept[int]
-    _due: Kept[Alarm]
-    _watching: Kept[Alarm]
-
-    def __init__(
-        self,
-        manual: Manual,
-        commands: Commands,
-        outputs: dict[int, SupplyOutput],
-        times_ns: Mapping[str, int],
-        manner: Manner,
-    ) -> None:
-        self._manual = manual
-        self._manner = manner
-        self._end = manner.end
-        self._commands = commands
-        self._outputs = outputs
-        self._command_ns = times_ns["command_time"]
-        self._measure_ns = times_ns.get("measure_time", self._command_ns)
-        self._pause_ns = times_ns.get("pause_time")
-        self._inbox = b""
-        self._lines = []
-        self._ready_ns = 0
-        self._line: Line
-        self._clock: PeerClock
-
-    def attach(self, line: Line, clock: PeerClock) -> None:
-        """Connect the line; every output starts off."""
-        self._line = line
-        self._clock = clock
-        self._due, self._watching = Alarm(clock, self._work), Alarm(clock, self._protect)
-        for output in self._outputs.values():
-            output.apply()
-            if self._manual.watches:
-                output.listen(self._look)
-
-    def opened(self) -> None:
-        """Greet whoever opened the port, where the firmware does."""
-        if self._manner.banner:
-            self._line.send(f"{self._manner.banner}{self._end}".encode("latin-1", "replace"))
-
-    def receive(self, data: bytes) -> None:
-        """Collect bytes into lines; where lines need a pause, one that comes too early is lost."""
-        if self._end == "\r":
-            data = data.replace(b"\r", b"\n")
-        *lines, self._inbox = (self._inbox + data).split(b"\n")
-        if len(self._inbox) > _LONGEST_LINE:
-            self._inbox = b""
-            self._commands.errors.push(-363)
-        for line in lines:
-            text = line.decode("latin-1").strip()
-            if self._pause_ns is not None and (not text or self._lines or self._clock.now_ns() < self._ready_ns):
-                continue
-            if len(self._lines) == _MOST_LINES:  # what nobody waits for an answer to does not pile up for ever
-                self._commands.errors.push(-363)
-                break
-            self._lines.append(text)
-            if len(self._lines) == 1:
-                self._begin()
-
-    def _begin(self) -> None:
-        takes_ns = self._measure_ns if "MEAS" in self._lines[0].upper() else self._command_ns
-        self._due.set(self._clock.now_ns() + takes_ns)
-
-    def _work(self) -> None:
-        now_ns = self._clock.now_ns()
-        line = self._lines.pop(0)
-        reply = self._commands.execute(line, now_ns)
-        self._ready_ns = now_ns + (self._pause_ns or 0)
-        if self._manner.echo:
-            self._line.send(f"{line}{self._end}".encode("latin-1", "replace"))
-        if reply:
-            self._line.send(f"{reply}{self._end}".encode("latin-1", "replace"))
-        self._protect()
-        if self._lines:
-            self._begin()
-
-    def _look(self) -> None:
-        """Check whether a contact that closed, or the like, brought an output above its protection."""
-        if any(output.lifted for output in self._outputs.values()):
-            self._watching.set(self._clock.now_ns())
-
-    def _protect(self) -> None:
-        """Trip what is due; an output that gives more than a protection allows is looked at every 10 ms."""
-        now_ns = self._clock.now_ns()
-        for output in self._outputs.values():
-            output.protect(now_ns)
-        if self._watching.due_ns is None and any(output.watched for output in self._outputs.values()):
-            self._watching.set((now_ns // _WATCH_NS + 1) * _WATCH_NS)
+    ratings: Mapping[int, Rating]
+    deviates: type[OutputTruth]
+    output: type[SupplyOutput] = SupplyOutput
+    of_model: Mapping[str, Mapping[int, Rating]] = field(default_factory=dict)
 
 
-def model_of(manual: Manual) -> PeerModel:
+def model_of(manual: SupplyManual) -> PeerModel:
     """Return the model of a manual; terminals `1`, `2`, ... go to supply ports of plants."""
 
-    def build(setup: PeerSetup) -> ScpiSupply:
-        truth = setup.truth
-        article = asdict(truth.part(manual.truth))
-        article["serial"] = f"SIM-{article['serial']}"
-        manner = truth.part(manual.manner)
-        ratings = manual.of_model.get(article.get("model", ""), manual.ratings)
-        outputs = read_outputs(setup, ratings, manual.deviates, manual.output)
-        setup.finish()
-        identity = manual.identity.format(**article)
-        commands = Commands(manual, identity, outputs, setup.faults, manner)
-        times_ns = {key: round(each * NANOSECONDS) for key, each in article.items() if key.endswith("_time")}
-        return ScpiSupply(manual, commands, outputs, times_ns, manner)
+    def outputs(setup: PeerSetup, article: Mapping[str, object]) -> dict[int, Part]:
+        ratings = manual.of_model.get(str(article.get("model", "")), manual.ratings)
+        return dict(read_outputs(setup, ratings, manual.deviates, manual.output))
 
-    return PeerModel(link="serial", fault_kinds=manual.faults, build=build)
+    return instrument_of(manual, outputs)

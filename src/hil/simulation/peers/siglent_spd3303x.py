@@ -16,11 +16,11 @@ from dataclasses import dataclass
 
 from hil.model.notation import AnyText, NotNegative
 from hil.simulation.faults import Identity
-from hil.simulation.peers.manner import Manner
+from hil.simulation.peers.manner import DeviceTruth, Manner
 from hil.simulation.peers.scpi import leading_channel
-from hil.simulation.peers.scpi_manual import Manual, Reading, Setting, Switch, Whole
-from hil.simulation.peers.scpi_supply import model_of
-from hil.simulation.peers.supply_output import CoarseTruth, Rating, RefuseOff, SupplyOutput, SupplyTruth
+from hil.simulation.peers.scpi_manual import Reading, Setting, Switch, Whole
+from hil.simulation.peers.scpi_supply import SupplyManual, model_of
+from hil.simulation.peers.supply_output import CoarseTruth, Rating, RefuseOff, SupplyOutput
 from hil.wire.checkpoint import Kept
 
 __all__ = ["MODEL", "SiglentTruth"]
@@ -31,7 +31,7 @@ _RATING = Rating(32.0, 3.2, 32.0, 3.2, 99.0)  # no level of protection that a co
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SiglentTruth(SupplyTruth):
+class SiglentTruth(DeviceTruth):
     """One device."""
 
     serial: AnyText = "SPD3X000000001"
@@ -63,7 +63,7 @@ def _status(outputs: Mapping[int, SupplyOutput], now_ns: int) -> str:
 
 
 MODEL = model_of(
-    Manual(
+    SupplyManual(
         identity="Siglent Technologies,SPD3303X-E,{serial},{firmware}",
         truth=SiglentTruth,
         ratings={1: _RATING, 2: _RATING},

@@ -7,12 +7,13 @@ from dataclasses import dataclass
 from math import inf
 from typing import Annotated, Self
 
-from hil.model.notation import AnyText, NotNegative, Number, Positive, one_of, whole
+from hil.model.notation import NotNegative, Number, Positive, one_of, whole
 from hil.simulation.faults import Fault, Faults
 from hil.simulation.peers.model import PeerSetup
+from hil.simulation.peers.scpi_manual import Part
 from hil.simulation.plants.terminal import Terminal
 from hil.simulation.seeds import RandomStream
-from hil.wire.checkpoint import Kept, Stateful
+from hil.wire.checkpoint import Kept
 
 __all__ = [
     "NOT_A_NUMBER",
@@ -22,7 +23,6 @@ __all__ = [
     "Rating",
     "RefuseOff",
     "SupplyOutput",
-    "SupplyTruth",
     "read_outputs",
 ]
 
@@ -79,23 +79,6 @@ class Rating:
     def programmable(cls, volts: float, amperes: float) -> Self:
         """Return that of an output that can be programmed to 103 % of what it can give, its protection to 110 %."""
         return cls(volts, amperes, volts * _OVER_RANGE, amperes * _OVER_RANGE, volts * _PROTECTION_RANGE)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SupplyTruth:
-    """One device.
-
-    A model adds `measure_time` [s] where a line with a measurement takes another time, and `pause_time` [s] where a
-    line is lost that comes so soon after another one; without a pause lines wait for their turn.
-
-    Attributes:
-        serial, firmware: what it says of itself.
-        command_time: how long a line takes [s].
-    """
-
-    serial: AnyText = ""
-    firmware: AnyText = ""
-    command_time: NotNegative = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -166,7 +149,7 @@ def read_outputs(
     }
 
 
-class SupplyOutput(Stateful):
+class SupplyOutput(Part):
     """One output: settings, protection, and what hangs on it.
 
     Args:
@@ -228,10 +211,6 @@ class SupplyOutput(Stateful):
         self._stuck_on = refused is not None and not self.on
         self.apply()
 
-    def follow(self, now_ns: int) -> None:
-        """Do what a switch of the instrument asks for that was just set; here every switch is one of its own."""
-        del now_ns
-
     def reset(self, now_ns: int) -> None:
         """Return to the settings of power-on."""
         self._set_up()
@@ -251,12 +230,17 @@ class SupplyOutput(Stateful):
             self.over_voltage = True
         if self.current_protection and self._gives_too_much():
             self.over_current = True
-        if self.over_voltage or self.over_current:
+        if self.tripped:
             self.switch(on=False, now_ns=now_ns)
 
     def _gives_too_much(self) -> bool:
         level = self.over_current_level
         return self.mode() == "CC" if level is None else self._terminal.amperes() > level
+
+    @property
+    def tripped(self) -> bool:
+        """Whether a protection has tripped and was not cleared."""
+        return self.over_voltage or self.over_current
 
     @property
     def watched(self) -> bool:
