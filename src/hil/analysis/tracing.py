@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import wraps
 from typing import Any, ParamSpec, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.model.provenance import Number, Provenance, provenance_of, stamped, within_library
+from hil.model.provenance import (
+    BY_ITSELF,
+    TIMES_ZERO,
+    Number,
+    Provenance,
+    merged,
+    provenance_of,
+    stamped,
+    within_library,
+)
 
 __all__ = ["Samples", "samples", "traced"]
 
@@ -32,6 +41,8 @@ def traced(function: Callable[_Given, _Result]) -> Callable[_Given, _Result]:
         provenance = provenance_of(args, kwargs)
         if provenance is None:
             return function(*args, **kwargs)
+        data = [each for each in (*args, *kwargs.values()) if type(each) in {tuple, list} and provenance_of(each)]
+        provenance = _with_written(provenance, _operands(data, whole=False))
         with within_library():
             result = function(*(_bare(each) for each in args), **{key: _bare(each) for key, each in kwargs.items()})
         return cast("_Result", stamped(result, provenance.through(name), _stamped_array))
@@ -39,30 +50,90 @@ def traced(function: Callable[_Given, _Result]) -> Callable[_Given, _Result]:
     return call
 
 
+_LARGEST_WRITTEN = 8
+_PLACES = frozenset({"digitize", "histogram", "interp", "percentile", "quantile", "searchsorted"})
+"""Functions of NumPy whose plain arrays say where, not what: a grid of times, the edges of bins."""
+_FILLED = frozenset({"empty_like", "full_like", "ones_like", "zeros_like"})
+_WRITING = frozenset({"copyto", "fill_diagonal", "place", "put", "put_along_axis", "putmask"})
+_WHOLE = frozenset({"append", "clip", "full_like", "insert", "nan_to_num", "select", "where"})
+"""Functions of NumPy whose whole numbers are values; those of others are axes, orders and places."""
+_CANCELLING = frozenset({np.subtract, np.divide, np.floor_divide})
+_SHAPE_ONLY = "only the shape of a recording is left: its samples were filled by the plan"
+_OWN_ARRAY = "the plan itself made an array that stands behind it"
+_WROTE = "the plan wrote values into the samples"
+
+
 class Samples(np.ndarray[Any, np.dtype[Any]]):
     """An array with its provenance, which parts of it and what NumPy computes of it have, too."""
 
-    provenance: Provenance | None
+    _own: Provenance | None
+    _wrote: list[Provenance]
 
     def __array_finalize__(self, source: object) -> None:
-        self.provenance = getattr(source, "provenance", None)
+        self._own = getattr(source, "_own", None)
+        wrote: list[Provenance] = getattr(source, "_wrote", [])
+        self._wrote = [*wrote] if self.flags.owndata else wrote  # what has the same memory has the same list
+
+    @property
+    def provenance(self) -> Provenance | None:
+        """What stands behind the array, and behind what was written into it or into arrays that share its memory."""
+        return merged(self._own, *self._wrote) if self._wrote else self._own
 
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **kwargs: Any) -> Any:
         """Compute with plain arrays; the result has the provenance of all that went in."""
         result = getattr(ufunc, method)(*_bare(inputs), **_bare(kwargs))
-        return _of(result, (inputs, kwargs), computed=True)
+        if within_library.active():
+            return _bare(result)
+        found = _computed(inputs, inputs if method in {"__call__", "outer", "at"} else ()).but(*_nothing(ufunc, inputs))
+        for each in (*kwargs.get("out", ()), *(inputs[:1] if method == "at" else ())):
+            if isinstance(each, Samples):
+                each.take_note(found if found.sources else found.but(_WROTE))
+        return _with(result, found)
 
     def __array_function__(self, func: Any, types: Any, args: Any, kwargs: Any) -> Any:
         """Compute with plain arrays; the result has the provenance of all that went in."""
-        return _of(func(*_bare(args), **_bare(kwargs)), (args, kwargs), computed=True)
+        result = func(*_bare(args), **_bare(kwargs))
+        if within_library.active():
+            return _bare(result)
+        name = func.__name__
+        given = (*args, *kwargs.values())
+        if name in _WRITING and args and isinstance(args[0], Samples):
+            args[0].take_note((provenance_of(given[1:]) or Provenance()).but(_WROTE))
+        found = _computed(given, () if name in _PLACES else _operands(given, whole=name in _WHOLE))
+        made = _with(result, found.but(_SHAPE_ONLY) if name in _FILLED else found)
+        for each in args:
+            if (
+                isinstance(each, Samples)
+                and isinstance(made, Samples)
+                and np.may_share_memory(_bare(each), _bare(made))
+            ):
+                made._wrote = each._wrote  # noqa: SLF001 - what is written into one is in the other
+        return made
 
     def __getitem__(self, key: Any) -> Any:
         """Return a part, or one number, with the provenance of the whole."""
-        return _of(self.view(np.ndarray)[_bare(key)], self)
+        part = _with(self.view(np.ndarray)[_bare(key)], None if within_library.active() else self.provenance)
+        if isinstance(part, Samples):
+            part._wrote = self._wrote  # noqa: SLF001 - it shares the memory
+        return part
+
+    def __setitem__(self, key: Any, value: Any) -> None:
+        """Write into a copy of what was recorded; only NaN, which leaves samples out, changes nothing of its worth."""
+        self.view(np.ndarray)[_bare(key)] = _bare(value)
+        if not within_library.active() and not (isinstance(value, float) and np.isnan(value)):
+            self.take_note(provenance_of(value) or Provenance(unproven=(_WROTE,)))
+
+    def fill(self, value: Any) -> None:
+        """Write one value into all samples."""
+        self[...] = value
+
+    def take_note(self, provenance: Provenance) -> None:
+        """Note what was written into it."""
+        self._wrote.append(provenance)
 
     def __iter__(self) -> Iterator[Any]:
         """Give one number or part after the other, each with the provenance of the whole."""
-        return (_of(each, self) for each in self.view(np.ndarray))
+        return (self[place] for place in range(len(self)))
 
 
 def _reduction(name: str) -> Callable[..., Any]:
@@ -70,7 +141,8 @@ def _reduction(name: str) -> Callable[..., Any]:
     operation = getattr(np.ndarray, name)
 
     def method(self: Samples, *args: Any, **kwargs: Any) -> Any:
-        return _of(operation(self.view(np.ndarray), *_bare(args), **_bare(kwargs)), (self, args, kwargs), computed=True)
+        result = operation(self.view(np.ndarray), *_bare(args), **_bare(kwargs))
+        return _bare(result) if within_library.active() else _with(result, _computed((self, args, kwargs), ()))
 
     method.__name__, method.__doc__ = name, operation.__doc__
     return method
@@ -83,19 +155,55 @@ for _name in ("max", "mean", "min", "prod", "std", "sum", "var"):
 def samples(array: NDArray[Any], provenance: Provenance) -> Samples:
     """Return a view of an array that knows where it is from."""
     view = array.view(Samples)
-    view.provenance = provenance
+    view._own, view._wrote = provenance, []  # noqa: SLF001 - made here
     return view
 
 
-def _of(result: Any, given: object, *, computed: bool = False) -> Any:
-    """Return a result of NumPy with the provenance of what went in; plain inside the library."""
-    provenance = None if within_library.active() else provenance_of(given)
+def _computed(given: object, operands: Iterable[Any]) -> Provenance:
+    """Return the provenance of what the plan computed of what was given, with the numbers and arrays of its own."""
+    return _with_written((provenance_of(given) or Provenance()).through("arithmetic of the plan"), operands)
+
+
+def _with_written(found: Provenance, operands: Iterable[Any]) -> Provenance:
+    """Return a provenance with those operands that the plan wrote or made itself."""
+    for each in operands:
+        if type(each) is not np.ndarray or each.dtype.kind not in "fciu":
+            found = found.with_numbers(each)
+        elif each.size <= _LARGEST_WRITTEN:
+            found = found.with_numbers(*each.ravel().tolist())
+        else:
+            found = found.but(_OWN_ARRAY)
+    return found
+
+
+def _operands(given: Iterable[Any], *, whole: bool) -> Iterator[Any]:
+    """Yield the numbers and arrays that values were made of, also in lists; places and axes are whole numbers."""
+    for each in given:
+        if isinstance(each, tuple | list):
+            yield from _operands(each, whole=whole)
+        elif isinstance(each, float) or whole or (isinstance(each, np.ndarray) and each.dtype.kind in "fc"):
+            yield each
+
+
+def _nothing(ufunc: np.ufunc, inputs: tuple[Any, ...]) -> tuple[str, ...]:
+    """Return why nothing of what was recorded is left after this operation, if so."""
+    if len(inputs) != 2:
+        return ()
+    one, other = (np.asarray(_bare(each)) for each in inputs)
+    if ufunc is np.multiply and any(provenance_of(each) is None and not np.any(each) for each in inputs):
+        return (TIMES_ZERO,)
+    if ufunc in {np.power, np.float_power} and not other.any():
+        return (TIMES_ZERO,)
+    where = [(each.__array_interface__["data"], each.shape, each.strides) for each in (one, other)]
+    return (BY_ITSELF,) if ufunc in _CANCELLING and where[0] == where[1] else ()
+
+
+def _with(result: Any, provenance: Provenance | None) -> Any:
+    """Return a result of NumPy with this provenance."""
     if provenance is None:
         return _bare(result)
-    if computed:
-        provenance = provenance.through("arithmetic of the plan")
     if isinstance(result, tuple):
-        return tuple(_of(each, given, computed=computed) for each in result)
+        return tuple(_with(each, provenance) for each in result)
     if isinstance(result, float):
         return Number(result, provenance)
     return _stamped_array(result, provenance)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, suppress
+from functools import partial
 from pathlib import Path
 from typing import Protocol
 
@@ -238,7 +239,7 @@ class Session:
             requirements=requirements,
             steps=steps,
             effects=effects,
-            check=Checks(requirements, steps, journal),
+            check=Checks(requirements, steps, journal, partial(self.configuration.stands, planned.plan)),
             record=Recorder(steps, scheduler, effects, self.record.store, self.bench.source),
             operator=Operator(self._answers, effects, steps, journal, scheduler.point, self.configuration.hand),
             artifact=Artifacts(steps, effects, journal, self.folder / ATTACHMENTS, self._made),

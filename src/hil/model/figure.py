@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from numbers import Integral, Real
 
-from hil.model.provenance import TIMES_ZERO, Issued, Provenance, Word, merged
+from hil.model.provenance import BY_ITSELF, TIMES_ZERO, Issued, Provenance, Word, merged
 
 __all__ = ["Figure", "FigureStatus", "decoded", "effective_dof", "encoded"]
 
@@ -69,9 +69,9 @@ class Figure:
             return ()
         return tuple(_changed(self.provenance.issued, self._numbers))
 
-    def without_reading(self) -> Figure:
-        """Return it with the reason that nothing of a reading is left in it."""
-        return self if self.provenance is None else self.with_provenance(self.provenance.but(TIMES_ZERO))
+    def without_reading(self, reason: str) -> Figure:
+        """Return it with the reason why nothing of a reading is left in it."""
+        return self if self.provenance is None else self.with_provenance(self.provenance.but(reason))
 
     def with_provenance(self, provenance: Provenance) -> Figure:
         """Return it as issued with this provenance; only the executive and the library call this."""
@@ -116,7 +116,8 @@ class Figure:
     def __sub__(self, other: Figure | float) -> Figure:
         if not isinstance(other, Figure):
             return self._shifted(-other)
-        return self._made(self.value - other.value, self._common(other), [(1.0, self), (-1.0, other)])
+        made = self._made(self.value - other.value, self._common(other), [(1.0, self), (-1.0, other)])
+        return made.without_reading(BY_ITSELF) if other is self else made
 
     def __rsub__(self, other: float) -> Figure:
         return (-self)._shifted(other)
@@ -124,7 +125,7 @@ class Figure:
     def __mul__(self, other: Figure | float) -> Figure:
         if not isinstance(other, Figure):
             made = self._made(self.value * other, self.unit, [(float(other), self)], other)
-            return made if other else made.without_reading()
+            return made if other else made.without_reading(TIMES_ZERO)
         parts = [(other.value, self), (self.value, other)]
         return self._made(self.value * other.value, _product(self.unit, other.unit), parts)
 
@@ -137,7 +138,8 @@ class Figure:
             return self._made(math.nan, _quotient(self.unit, other.unit), [(math.nan, self), (math.nan, other)])
         ratio = self.value / other.value
         parts = [(1.0 / other.value, self), (-ratio / other.value, other)]
-        return self._made(ratio, _quotient(self.unit, other.unit), parts)
+        made = self._made(ratio, _quotient(self.unit, other.unit), parts)
+        return made.without_reading(BY_ITSELF) if other is self else made
 
     def __rtruediv__(self, other: float) -> Figure:
         value = float(other) / self.value if self.value else math.nan
@@ -163,8 +165,8 @@ class Figure:
         uncertainty, dof = _propagated(parts)
         made = Figure(value=value, unit=unit, uncertainty=uncertainty, dof=dof, status=status)
         found = merged(*(_of_operand(figure) for _, figure in parts), getattr(written, "provenance", None))
-        if found is not None and written is not None and not hasattr(written, "provenance"):
-            found = found.with_number(written)
+        if found is not None:
+            found = found.with_numbers(written)
         return made if found is None else made.with_provenance(found.through("arithmetic of figures"))
 
 

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import lru_cache
+from numbers import Real
 from threading import local
 from types import TracebackType
 from typing import Any, Self
 
 __all__ = [
+    "BY_ITSELF",
     "TIMES_ZERO",
     "Count",
     "Number",
@@ -39,7 +42,7 @@ class Provenance:
         by: what became of it, such as `resistance`.
         unproven: why it proves nothing, a sentence each.
         uncovered: what no certificate covers, a sentence each.
-        numbers: those that the plan wrote and computed with, at most one more than `MOST_NUMBERS`.
+        numbers: those that the plan wrote and computed with, at most `MOST_NUMBERS`.
         issued: the numbers of the figure that it was issued for; a changed copy of that figure has others.
     """
 
@@ -62,17 +65,27 @@ class Provenance:
 
     def with_number(self, number: float) -> Provenance:
         """Return the provenance of what was computed with a number that the plan wrote."""
-        if number in self.numbers or len(self.numbers) > MOST_NUMBERS:
+        if not number or number in self.numbers or math.isnan(number):
             return self
+        if len(self.numbers) == MOST_NUMBERS:
+            return self.but(_TOO_MANY)
         return replace(self, numbers=(*self.numbers, float(number)))
+
+    def with_numbers(self, *operands: object) -> Provenance:
+        """Return the provenance of what was computed with these, of which those without provenance count."""
+        made = self
+        for each in operands:
+            if isinstance(each, Real) and not hasattr(each, "provenance"):
+                made = made.with_number(float(each))
+        return made
 
     @property
     def told(self) -> tuple[str, ...]:
         """What was read, what became of it, and which numbers of the plan took part, as a check tells it."""
         if not self.numbers:
             return (*self.sources, *self.by)
-        named = ", ".join(f"{each:.12g}" for each in self.numbers[:MOST_NUMBERS])
-        more = " and more" if len(self.numbers) > MOST_NUMBERS else ""
+        named = ", ".join(f"{each:.12g}" for each in self.numbers[:_MOST_TOLD])
+        more = " and more" if len(self.numbers) > _MOST_TOLD else ""
         return (*self.sources, *self.by, f"numbers of the plan: {named}{more}")
 
     def but(self, *sentences: str) -> Provenance:
@@ -81,7 +94,9 @@ class Provenance:
 
 
 _ANSWER = "answer to "
-MOST_NUMBERS = 8
+_MOST_TOLD = 8
+MOST_NUMBERS = 64
+_TOO_MANY = f"it was computed with more than {MOST_NUMBERS} different numbers of the plan, more than anybody reads"
 
 
 def answer_to(question: str) -> str:
@@ -100,13 +115,15 @@ def merged(*several: Provenance | None) -> Provenance | None:
 
 @lru_cache(maxsize=4096)
 def _both(one: Provenance, other: Provenance) -> Provenance:
+    numbers = tuple(dict.fromkeys((*one.numbers, *other.numbers)))
+    too_many = (_TOO_MANY,) if len(numbers) > MOST_NUMBERS else ()
     return Provenance(
         instruments=tuple(sorted({*one.instruments, *other.instruments})),
         sources=_union(one.sources, other.sources),
         by=_union(one.by, other.by),
-        unproven=_union(one.unproven, other.unproven),
+        unproven=_union(_union(one.unproven, other.unproven), too_many),
         uncovered=_union(one.uncovered, other.uncovered),
-        numbers=tuple(dict.fromkeys((*one.numbers, *other.numbers)))[: MOST_NUMBERS + 1],
+        numbers=numbers[:MOST_NUMBERS],
     )
 
 
@@ -140,9 +157,10 @@ class within_library:  # noqa: N801 - used as a statement
 
 
 _ARITHMETIC = "arithmetic of the plan"
-_WRITTEN = frozenset({int, float})
 _VANISHING = frozenset({"__mul__", "__pow__"})
+_CANCELLING = frozenset({"__sub__", "__rsub__", "__truediv__", "__rtruediv__"})
 TIMES_ZERO = "what was read was multiplied by zero, so that nothing of it is left"
+BY_ITSELF = "what was read was subtracted from itself, or divided by itself, so that nothing of it is left"
 
 
 def _arithmetic(name: str) -> Callable[..., Any]:
@@ -153,11 +171,12 @@ def _arithmetic(name: str) -> Callable[..., Any]:
         if result is NotImplemented or type(result) is not float or _LIBRARY.depth:
             return result
         found = merged(self.provenance, *(getattr(each, "provenance", None) for each in others))
-        made = (found or self.provenance).through(_ARITHMETIC)
-        for each in others:
-            if type(each) in _WRITTEN:
-                made = made.with_number(each)  # type: ignore[arg-type]  # it is a number
-        return Number(result, made.but(TIMES_ZERO) if name in _VANISHING and others == (0,) else made)
+        made = (found or self.provenance).through(_ARITHMETIC).with_numbers(*others)
+        if name in _VANISHING and others == (0,):
+            made = made.but(TIMES_ZERO)
+        elif name in _CANCELLING and others[0] is self:
+            made = made.but(BY_ITSELF)
+        return Number(result, made)
 
     compute.__name__ = name
     return compute

@@ -19,7 +19,7 @@ from hil.documents.text import is_there
 from hil.model.errors import HilError, Refused
 from hil.model.figure import Figure
 from hil.model.notation import AnyText, Complaint, Flag, Number, Path, Text, read_number, slug, whole
-from hil.model.provenance import Provenance
+from hil.model.provenance import Provenance, stamped
 from hil.requirements.units import UnitError, check_unit, compatible, convert, is_plain
 
 __all__ = ["PARAMETERS", "Allowed", "Ambiguous", "Parameter", "Parameters", "UnknownParameter", "load_parameters"]
@@ -103,12 +103,16 @@ class Parameter:
     allowed: Allowed = field(default_factory=Allowed)
 
     @property
+    def numbers(self) -> list[float]:
+        """Its numbers, none of a text."""
+        values = self.value if isinstance(self.value, tuple) else (self.value,)
+        return [value for value in values if not isinstance(value, str)]
+
+    @property
     def problem(self) -> str:
         """What the plan has against the value, empty if it is allowed."""
-        values = self.value if isinstance(self.value, tuple) else (self.value,)
-        if self.allowed.holds([value for value in values if not isinstance(value, str)]):
-            return ""
-        return f"parameter '{self.name}' is {self.shown}, allowed is {self.allowed.shown(self.unit)}"
+        told = f"parameter '{self.name}' is {self.shown}, allowed is {self.allowed.shown(self.unit)}"
+        return "" if self.allowed.holds(self.numbers) else told
 
     @property
     def deviation(self) -> str:
@@ -168,7 +172,8 @@ class Parameters:
         if not parameter.unit:
             raise HilError(f"parameter '{name}' is a text and has no unit", f"read it as parameters.{name}")
         values = parameter.value if isinstance(parameter.value, tuple) else (parameter.value,)
-        converted = tuple(convert(float(value), parameter.unit, unit) for value in values)
+        plain = tuple(convert(float(value), parameter.unit, unit) for value in values)
+        converted: tuple[float, ...] = stamped(plain, Provenance(sources=(f"parameter {name}",)))
         return converted if isinstance(parameter.value, tuple) else converted[0]
 
     def figure(self, name: str, *, uncertainty: str = "") -> Figure:

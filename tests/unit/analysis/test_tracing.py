@@ -12,7 +12,7 @@ from hil.analysis.gyroscope.readings import reading
 from hil.analysis.gyroscope.self_check import reproduction
 from hil.analysis.tracing import Samples, samples
 from hil.model.figure import Figure
-from hil.model.provenance import Number, Provenance
+from hil.model.provenance import BY_ITSELF, TIMES_ZERO, Number, Provenance
 
 FIELD = Provenance(instruments=("mag1",), sources=("recording field, x",))
 SUPPLY = Provenance(instruments=("psu1",), sources=("supply.load.current",))
@@ -104,3 +104,69 @@ def test_a_reading_of_a_gyroscope_and_its_reproduction_keep_it():
     assert found == "reproduced"
     assert found.provenance.instruments == ("mag1", "table1")
     assert {"reading", "reproduction"} <= set(found.provenance.by)
+
+
+def written():
+    """Return a copy of a recording whose first half a view of it filled with one number."""
+    copied = X.copy()
+    copied[:2][:] = 100.0
+    return copied
+
+
+def filled():
+    """Return a copy of a recording that NumPy filled."""
+    copied = X.copy()
+    np.copyto(copied, np.full(4, 100.0))
+    return copied
+
+
+def put_out():
+    """Return a copy of a recording that took the result of numbers of the plan."""
+    copied = X.copy()
+    np.add(np.full(4, 50.0), 50.0, out=copied)
+    return copied
+
+
+LONG = samples(np.linspace(1.0, 2.0, 100), FIELD)
+WROTE = "the plan wrote values into the samples"
+OWN_ARRAY = "the plan itself made an array that stands behind it"
+SHAPE_ONLY = "only the shape of a recording is left: its samples were filled by the plan"
+
+
+@pytest.mark.parametrize(
+    ("made", "reason"),
+    [
+        (X * 0 + 100, TIMES_ZERO),
+        (np.zeros(4) * X, TIMES_ZERO),
+        (X**0 * 100, TIMES_ZERO),
+        (X - X[:] + 100, BY_ITSELF),
+        (X / X * 100, BY_ITSELF),
+        (np.full_like(X, 100.0), SHAPE_ONLY),
+        (np.ones_like(X) * 100, SHAPE_ONLY),
+        (LONG + (100.0 - np.asarray(LONG)), OWN_ARRAY),
+        (np.where(LONG > 0.0, np.full(100, 100.0), LONG), OWN_ARRAY),
+        (np.concatenate([LONG[:1], np.full(99, 100.0)]), OWN_ARRAY),
+        (mean([*np.full(100, 100.0), X[0]], "uT").provenance.numbers == (100.0,) and X * 0, TIMES_ZERO),
+        (written(), WROTE),
+        (filled(), WROTE),
+        (put_out(), WROTE),
+        (written().reshape(2, 2).mean(), WROTE),
+    ],
+)
+def test_samples_that_the_plan_made_prove_nothing(made, reason):
+    """Whatever way NumPy offers to leave nothing of a recording in an array but its origin."""
+    assert reason in made.provenance.unproven
+
+
+def test_honest_arithmetic_on_samples_proves():
+    """Conversions, offsets of their own, grids, samples left out: numbers of the plan are told, and nothing else."""
+    zeros = samples(np.zeros(4), FIELD)
+    left_out = X.copy()
+    left_out[left_out > 3.5] = np.nan
+    grid = np.interp(np.arange(1.0, 2.0, 0.05), LONG, LONG)
+    for made in (X - X.mean(), zeros * 3.0, X * LONG[:4], left_out, grid, X * np.array([1.0, 1.01, 0.99, 1.0])):
+        assert made.provenance.unproven == ()
+    assert (X * 1e3 + 2).provenance.numbers == (1000.0, 2.0)
+    assert np.clip(X, 2, 3).provenance.numbers == (2.0, 3.0)
+    assert np.diff(X, n=1).provenance.numbers == ()
+    assert X.std(ddof=1).provenance.numbers == ()

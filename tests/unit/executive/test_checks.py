@@ -14,7 +14,7 @@ from typed_events import event_of
 from hil.documents.node import Place
 from hil.evidence.package.judging import judge_again
 from hil.evidence.results.facts import entries_of
-from hil.executive.cases.checks import CheckFailed
+from hil.executive.cases.checks import CheckFailed, Checks
 from hil.model.errors import Misused
 from hil.model.figure import Figure, FigureStatus
 from hil.requirements.units import UnitError
@@ -349,3 +349,16 @@ def test_a_value_set_behind_a_figures_back_closes_nothing(tmp_path):
     object.__setattr__(reading, "value", 12.0)
     case.run.check("T-050", "voltage", reading)
     assert of_last(case) == (("its value was replaced by hand",), ())
+
+
+def test_a_number_that_stands_nowhere_is_told(tmp_path):
+    """`reading * (100 / reading.value)` gives 100 whatever was read; a conversion can be read."""
+    case = Case(tmp_path, "T-050")
+    check = Checks(case.requirements, case.run.steps, case.written, {1000.0, 0.98}.__contains__)
+    reading = case.coil.voltage()
+    check("T-050", "voltage", reading * 0.98 / 1000 * 1000)
+    assert of_last(case) == ((), ())
+    check("T-050", "voltage", reading * (3.0 / reading.value))
+    (sentence,) = last(case).unproven
+    assert sentence.startswith("computed with ")
+    assert sentence.endswith(", which stands neither in the plan's sources nor in its parameters")

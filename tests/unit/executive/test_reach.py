@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
-from hil.executive.setup.reach import beyond
+from hil.executive.setup.reach import beyond, numbers_in
 
 
 @pytest.mark.parametrize(
@@ -29,6 +31,9 @@ from hil.executive.setup.reach import beyond
         ("getattr(supply.load, '_role')", "uses ._role"),
         ("figure.with_provenance(reading.provenance)", "uses .provenance"),
         ("setattr(judge, 'x', 1)", "uses setattr"),
+        ("from hil.analysis.tracing import samples", "imports hil.analysis.tracing.samples"),
+        ("from hil.analysis.coil import traced as mark", "imports hil.analysis.coil.traced"),
+        ("mark = hil.analysis.coil.traced", "uses .traced"),
         ("def test_a(monkeypatch): pass", "uses monkeypatch"),
     ],
 )
@@ -59,3 +64,23 @@ def test_what_is_not_python_is_left_to_whoever_imports_it():
     """A file that Python cannot read cannot reach for anything."""
     assert beyond(b"def :", "x.py") == ()
     assert beyond(b"\0", "x.py") == ()
+
+
+SOURCE = b"""
+import math
+import numpy as np
+GAIN = 1 / 3.6
+TWICE = 2 * GAIN
+
+def test_a(reading):
+    offset = -0.25
+    use(reading * np.pi / 180 * TWICE ** 2, 100 / reading.value, 10 ** 400, 1 / 0)
+"""
+
+
+def test_numbers_that_stand_in_a_source_are_found():
+    """Also as a sum or quotient of such numbers, by a name, and of either sign; what a reading is part of is not."""
+    found = numbers_in(SOURCE)
+    assert {1 / 3.6, 2 / 3.6, 0.25, math.pi, 180.0, 100.0} <= found
+    assert 100 / 120.0 not in found
+    assert numbers_in(b"def :") == frozenset()

@@ -7,10 +7,11 @@ import math
 import pickle
 from dataclasses import dataclass, replace
 
+import numpy as np
 import pytest
 
 from hil.model.figure import Figure, FigureStatus, encoded
-from hil.model.provenance import TIMES_ZERO, Count, Number, Provenance, Word, merged, provenance_of, stamped
+from hil.model.provenance import BY_ITSELF, TIMES_ZERO, Count, Number, Provenance, Word, merged, provenance_of, stamped
 
 SUPPLY = Provenance(instruments=("psu1",), sources=("supply.load.voltage",))
 METER = Provenance(instruments=("dmm1",), sources=("meter.current",))
@@ -176,3 +177,24 @@ def test_numbers_of_the_plan_are_told_where_they_took_part():
     for factor in range(2, 30):
         many = many * factor
     assert many.provenance.told[-1] == "numbers of the plan: 2, 3, 4, 5, 6, 7, 8, 9 and more"
+
+
+def test_a_number_divided_by_itself_has_nothing_left():
+    """Of a reading's own ratio and difference nothing depends on what was read; of two readings it does."""
+    number = Number(5.0, SUPPLY)
+    for vanished in (VOLTAGE / VOLTAGE, VOLTAGE - VOLTAGE, number / number, number - number):
+        assert vanished.provenance.unproven == (BY_ITSELF,)
+    assert (VOLTAGE / replace(VOLTAGE)).provenance.unproven == ()
+    assert (number - Number(5.0, SUPPLY)).provenance.unproven == ()
+
+
+def test_numpys_numbers_of_the_plan_are_told():
+    """A factor of NumPy is a number like another, and so many that nobody reads them are a reason."""
+    assert (Number(5.0, SUPPLY) * np.float64(1.25)).provenance.numbers == (1.25,)
+    assert (VOLTAGE * np.float64(1.25)).provenance.numbers == (1.25,)
+    many = Number(5.0, SUPPLY)
+    for factor in range(2, 80):
+        many = many + factor
+    assert len(many.provenance.numbers) == 64
+    (sentence,) = many.provenance.unproven
+    assert sentence.startswith("it was computed with more than 64 different numbers of the plan")

@@ -130,6 +130,7 @@ def test_a_number_in_a_unit_with_a_factor_needs_its_unit(load):
     with pytest.raises(HilError, match="'length' is in cm, say in which unit you want it: parameters.in_unit"):
         _ = parameters.length
     assert parameters.in_unit("length", "m") == pytest.approx(0.1)
+    assert parameters.in_unit("length", "m").provenance.sources == ("parameter length",)
     assert parameters.in_unit("length", "cm") == 10.0
     assert parameters.in_unit("rests", "s") == (3600.0, 7200.0)
     with pytest.raises(HilError, match="'cm' does not convert to 's'"):

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from numbers import Real
-from typing import TypeGuard
 
 from hil.documents.suggest import did_you_mean
 from hil.evidence import events
@@ -14,16 +12,17 @@ from hil.evidence.events import EventSink
 from hil.executive.cases.certificate import standard_uncertainty, uncovered
 from hil.executive.cases.escapes import OfThisProcess
 from hil.executive.cases.facade import Facade
+from hil.executive.cases.given import given
 from hil.executive.cases.steps import Steps, one_line
 from hil.model.errors import HilError, Misused
-from hil.model.figure import Figure, FigureStatus
+from hil.model.figure import Figure
 from hil.model.provenance import Provenance, merged
 from hil.model.verdict import Verdict
 from hil.requirements.decision import Judgement, combined, judge
 from hil.requirements.requirement import Decision, Kind, Limit, Requirement
 from hil.requirements.units import UnitError
 
-__all__ = ["CheckFailed", "Checks", "Evaluated", "given"]
+__all__ = ["CheckFailed", "Checks", "Evaluated"]
 
 
 class CheckFailed(HilError):
@@ -48,6 +47,7 @@ class Checks(OfThisProcess):
         requirements: the requirements of the case's marker, by id.
         steps: knows case and step.
         journal: where events are written.
+        stands: whether a number stands in a source or a parameter of the plan, so that a reviewer can read it.
 
     Attributes:
         refused: why calls were refused, in order: a check that was not made is an error, whatever the case makes of it.
@@ -55,8 +55,15 @@ class Checks(OfThisProcess):
 
     said = "`check`"
 
-    def __init__(self, requirements: dict[str, Requirement], steps: Steps, journal: EventSink) -> None:
+    def __init__(
+        self,
+        requirements: dict[str, Requirement],
+        steps: Steps,
+        journal: EventSink,
+        stands: Callable[[float], bool] = lambda _: True,
+    ) -> None:
         self._requirements = requirements
+        self._stands = stands
         self._steps = steps
         self._journal = journal
         self._evaluated: list[Evaluated] = []
@@ -120,7 +127,8 @@ class Checks(OfThisProcess):
             found = given(value, limit, f"{requirement} {parameter}")
             added, named = _of_instrument(instrument, found)
             behind = merged(getattr(value, "provenance", None), named)
-            unproven = (*_unproven(getattr(value, "provenance", None)), *getattr(value, "replaced", ()))
+            own = getattr(value, "provenance", None)
+            unproven = (*_unproven(own), *getattr(value, "replaced", ()), *self._unreadable(own))
             self._evaluate(requirement, limit, of, found, _Behind(added, behind, unproven), doubts=_sentences(doubts))
         except (Misused, UnitError) as error:
             self.refused.append(error)
@@ -165,6 +173,15 @@ class Checks(OfThisProcess):
             reason: why it is not met, where that says more than value and limit.
         """
         self._evaluate(requirement.id, limit, None, value, _Behind(None, provenance, _unproven(provenance)), reason)
+
+    def _unreadable(self, provenance: Provenance | None) -> list[str]:
+        """Return a sentence on numbers that took part and nobody can read: 100 divided by a reading is one."""
+        computed = [each for each in provenance.numbers if not self._stands(each)] if provenance else []
+        if not computed:
+            return []
+        named = ", ".join(f"{each:.12g}" for each in computed[:_MOST_NAMED])
+        more = " and more" if len(computed) > _MOST_NAMED else ""
+        return [f"computed with {named}{more}, which stands neither in the plan's sources nor in its parameters"]
 
     def _limit(self, requirement: str, parameter: str, of: str | None) -> Limit:
         if requirement not in self._requirements:
@@ -286,6 +303,7 @@ def _unproven(provenance: Provenance | None) -> tuple[str, ...]:
     return provenance.unproven if provenance.measured else (_FROM_NOWHERE, *provenance.unproven)
 
 
+_MOST_NAMED = 3
 _FROM_NOWHERE = "no reading, recording or answer stands behind this value"
 
 
@@ -324,75 +342,3 @@ def _written(found: Figure, limit: Limit, added: float | None) -> Figure:
 def _told(number: float | None) -> float | None:
     """Return a number for the journal, None if it is not finite."""
     return None if number is None or not math.isfinite(number) else _digits(number)
-
-
-def given(value: object, limit: Limit, what: str) -> Figure | str:
-    """Return a figure or a word of plain Python types, so that what is judged is what is written down.
-
-    NumPy's numbers become floats: a float32 would be judged by other digits than those of the journal.
-
-    Args:
-        value: what the case gave.
-        limit: what the value is compared with.
-        what: requirement and parameter, for messages.
-
-    Raises:
-        Misused: for a text or a bare number in place of a figure with a unit, and for whatever is neither.
-    """
-    if isinstance(value, Figure):
-        return _figure(value, what)
-    if isinstance(value, str):
-        if limit.unit:
-            raise Misused(f"{what}: expected a number in {limit.unit}, found the text '{value}'", "give a Figure")
-        return str(value)
-    if not _is_number(value):
-        expected = f"a number in {limit.unit}" if limit.unit else "a text"
-        raise Misused(f"{what}: expected {expected}, found {_named(value)}", _HINT)
-    number = _number(value, what)
-    if limit.unit != "1":
-        raise Misused(
-            f"{what}: expected {f'a number in {limit.unit}' if limit.unit else 'a text'}, found {number:g}", _HINT
-        )
-    return Figure(value=number, unit="1")
-
-
-_HINT = "give a Figure of one number and its unit, or a text where the requirement names one"
-
-
-_STATUSES = frozenset(FigureStatus)
-
-
-def _figure(figure: Figure, what: str) -> Figure:
-    if not isinstance(figure.unit, str):
-        raise Misused(f"{what}: the unit of a figure is a text, found {_named(figure.unit)}", _HINT)
-    if figure.status not in _STATUSES:
-        raise Misused(f"{what}: {_named(figure.status)} is not a status of a figure", "use one of FigureStatus")
-    uncertainty = figure.uncertainty
-    return Figure(
-        value=_number(figure.value, f"{what}: the value of a figure"),
-        unit=str(figure.unit),
-        uncertainty=None if uncertainty is None else _number(uncertainty, f"{what}: the uncertainty of a figure"),
-        dof=_number(figure.dof, f"{what}: the dof of a figure"),
-        status=FigureStatus(figure.status),
-    )
-
-
-def _number(value: object, what: str) -> float:
-    if not _is_number(value):
-        raise Misused(f"{what} is one real number, found {_named(value)}", _HINT)
-    try:
-        return float(value)
-    except OverflowError:
-        return math.inf
-
-
-def _is_number(value: object) -> TypeGuard[Real]:
-    """Return whether this is one real number; Python's flag only looks like one, and NumPy's not even that."""
-    return type(value) is float or (not isinstance(value, bool) and isinstance(value, Real))
-
-
-def _named(value: object) -> str:
-    """Return what something is, on one line and without its place in memory."""
-    shape = getattr(value, "shape", ())
-    kind = f"{type(value).__name__} of shape {shape}" if shape else type(value).__name__
-    return f"{value!r} ({kind})" if isinstance(value, bool | bytes | complex | str | type(None)) else f"a {kind}"

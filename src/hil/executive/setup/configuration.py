@@ -116,6 +116,14 @@ class Configuration:
         """UTC of bench time zero, ISO 8601; empty if it is not known."""
         return self.request.epoch or (self.bench.simulated.epoch if self.bench.simulated else "")
 
+    def stands(self, plan: str, number: float) -> bool:
+        """Return whether a number that a case computed with is one of its plan's parameters, or stands in a source.
+
+        One does, because it scales nothing.
+        """
+        given = {abs(each) for row in self.parameters[plan].rows() for each in row.numbers}
+        return abs(number) in {1.0, *given} or self.inputs.stands(number)
+
     @property
     def deviations(self) -> tuple[str, ...]:
         """What differs from the plans, a sentence each."""

@@ -8,7 +8,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from hil.documents.snapshot import Snapshot
-from hil.executive.setup.reach import beyond
+from hil.executive.setup.reach import beyond, numbers_in
 from hil.executive.setup.workspace import Workspace
 from hil.model.errors import HilError
 from hil.requirements.lock import LOCK
@@ -100,6 +100,11 @@ class Inputs:
         if path.suffix != ".py" or path not in self.snapshot:
             return ()
         return beyond(self.snapshot.take(path), self.shown(path))
+
+    def stands(self, number: float) -> bool:
+        """Return whether a number stands in the source of a module that the run has frozen, for everybody to read."""
+        modules = (path for path in self.frozen if path.suffix == ".py" and path in self.snapshot)
+        return any(abs(number) in numbers_in(self.snapshot.take(path)) for path in modules)
 
     def name_of(self, path: Path) -> str:
         """Return the path of a file in the package."""

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator
+import math
+import operator
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from functools import lru_cache
 
-__all__ = ["beyond", "parsed"]
+__all__ = ["beyond", "numbers_in", "parsed"]
 
 _FOR_PLANS = ("hil.analysis", "hil.logs", "hil.model.errors", "hil.model.figure", "hil.plan")
 """What cases and fixtures may import of the product; the rest measures, judges and records them."""
@@ -23,7 +27,7 @@ _NAMES = frozenset({"__builtins__", "__import__", "compile", "delattr", "eval", 
 _ATTRIBUTES = frozenset({"MonkeyPatch", "_getframe", "addaudithook", "meta_path", "modules", "path_hooks"})
 _OF_OBJECTS = frozenset({"__init__", "__name__", "__doc__", "__file__", "__post_init__", "__version__"})
 _FIXTURES = frozenset({"mocker", "monkeypatch"})
-_TRACING = frozenset({"provenance", "with_provenance"})
+_TRACING = frozenset({"provenance", "stamped", "traced", "with_provenance", "within_library"})
 
 
 @lru_cache(maxsize=64)
@@ -62,7 +66,7 @@ def _of_node(node: ast.AST) -> Iterator[tuple[int, str]]:
         yield from ((node.lineno, f"imports {each.name}") for each in node.names if not _allowed(each.name))
     elif isinstance(node, ast.ImportFrom) and not node.level:
         names = [f"{node.module}.{each.name}" for each in node.names]
-        yield from ((node.lineno, f"imports {name}") for name in names if not _allowed(name))
+        yield from ((node.lineno, f"imports {name}") for name in names if not _allowed(name) or _traces(name))
     elif isinstance(node, ast.Name) and node.id in _NAMES:
         yield node.lineno, f"uses {node.id}"
     elif isinstance(node, ast.arg) and node.arg in _FIXTURES:
@@ -84,6 +88,11 @@ def _allowed(name: str) -> bool:
     return heads.isdisjoint(_MODULES)
 
 
+def _traces(name: str) -> bool:
+    """Return whether this is what gives a value its origin, by whatever module of the product it is imported."""
+    return name.startswith("hil.") and (name.startswith("hil.analysis.tracing.") or name.rpartition(".")[2] in _TRACING)
+
+
 def _hidden(node: ast.Attribute) -> bool:
     """Return whether an attribute is none of those that whoever wrote an object meant for others."""
     if node.attr in _ATTRIBUTES:
@@ -92,3 +101,52 @@ def _hidden(node: ast.Attribute) -> bool:
         return True
     own = isinstance(node.value, ast.Name) and node.value.id in {"self", "cls"}
     return node.attr.startswith("_") and not own and node.attr not in _OF_OBJECTS
+
+
+_CONSTANTS = {"pi": math.pi, "tau": math.tau, "e": math.e}
+_OPERATIONS: Mapping[type, Callable[[float, float], float]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.Pow: math.pow,
+}
+
+
+@lru_cache(maxsize=64)
+def numbers_in(source: bytes) -> frozenset[float]:
+    """Return the size of every number that stands in a module's source, also as `1 / 3.6`, `np.pi / 180` or a name.
+
+    A name counts where the module sets it to such a number; of what is no Python nothing does.
+    """
+    try:
+        tree = parsed(source)
+    except (SyntaxError, ValueError):
+        return frozenset()
+    names: dict[str, float] = {}
+    for node in tree.body:
+        if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
+            value = _folded(node.value, names)
+            if value is not None:
+                names[node.targets[0].id] = value
+    found = (_folded(node, names) for node in ast.walk(tree) if isinstance(node, ast.expr))
+    return frozenset(abs(value) for value in found if value is not None)
+
+
+def _folded(node: ast.expr, names: Mapping[str, float]) -> float | None:
+    """Return the number that an expression of nothing but numbers is, None for any other."""
+    if isinstance(node, ast.Constant) and isinstance(node.value, int | float):
+        return float(node.value) if abs(node.value) < sys.float_info.max else None
+    if isinstance(node, ast.Name):
+        return names.get(node.id)
+    if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
+        return _CONSTANTS.get(node.attr)
+    if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
+        value = _folded(node.operand, names)
+        return None if value is None else -value
+    if isinstance(node, ast.BinOp) and type(node.op) in _OPERATIONS:
+        left, right = _folded(node.left, names), _folded(node.right, names)
+        if left is not None and right is not None:
+            with suppress(ArithmeticError, ValueError):
+                return _OPERATIONS[type(node.op)](left, right)
+    return None
