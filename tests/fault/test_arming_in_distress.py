@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
-from unittest.mock import Mock
+from unittest.mock import MagicMock, Mock
 
 import pytest
 from adcs_bench import adcs, bound
@@ -11,7 +11,9 @@ from case_parts import Written
 
 from hil.bench.gate import Gate
 from hil.clock.live import LiveClock
+from hil.evidence.events import Entry
 from hil.executive.ending.stop import StopFlags, Stopped
+from hil.executive.resuming.beginnings import Entering
 from hil.executive.watching import arming
 from hil.executive.watching.keeper import BenchKeeper
 from hil.executive.watching.ports import Distress, NoMachine
@@ -95,6 +97,25 @@ def test_a_stop_while_it_is_armed_again_stops_the_case():
         assert keeper.arm_again(7).startswith("identity of psu1: stopped by SIGINT")
         with pytest.raises(Stopped):
             keeper.scheduler.flags.check()
+
+
+@pytest.mark.parametrize("at", ["outputs of relay1", "reduced level of supply.coil, relays released", "driven again"])
+def test_a_stop_while_a_resumed_run_arms_again_waits_for_a_scheduling_point(at):
+    """Nothing is raised where a case is only about to begin; every output is safe, and the next point ends the case."""
+    flags = StopFlags()
+    written = StoppedAt(flags, at)
+    entry = Entry(place=3, boundary=1, void_to=2, operations=0, number=1, rows=(), kept="", over=False, failed=())
+    beginning = SimpleNamespace(entries=[(entry, 0.0)], void_rows=None, given_up=(), earlier=None)
+    with bound(adcs()) as bench:
+        keeper = keeper_of(bench, flags, written, NoMachine())
+        if at == "driven again":
+            keeper.holding = SimpleNamespace(drive_again=lambda: (flags.request("SIGTERM"), flags.check()))
+        Entering(MagicMock(), bench, keeper, beginning).after(3)
+        assert not any(bench.roles[each].enabled() for each in ("supply.sensor", "supply.coil"))
+        assert flags.reason == "SIGTERM"
+        with pytest.raises(Stopped):
+            keeper.scheduler.point()
+    assert written.of("safe-end")[-1]["ok"] is True
 
 
 def test_arming_ends_when_the_guardian_dies_amid_it():

@@ -293,25 +293,34 @@ class Entering:
         try:
             self._arm_again(entry)
         except (DeviceFault, NotArmedAgain) as error:
-            if not anew or self._bench.live is None:
+            flags = self._keeper.scheduler.flags
+            if self._earlier is None:
+                flags.request(error.message)  # the replay of a run that somebody stopped here
+            elif not anew or self._bench.live is None:
                 raise
-            if not self._keeper.scheduler.flags.reason:
+            elif not flags.reason:
                 self._keeper.scheduler.lose(Distress(error.message, "arming"))
 
     def _arm_again(self, entry: events.Entry) -> None:
-        if problem := self._keeper.arm_again(entry.void_to):
-            self._keeper.safe()
-            self._keeper.scheduler.flags.check()
-            raise NotArmedAgain(f"the bench was not armed again: {problem}", "see hil bench check")
-        self._drive_again()
-        self._keeper.scheduler.begin_again()
+        """Arm the bench and drive it again; where somebody asks to stop meanwhile it is left safe.
 
-    def _drive_again(self) -> None:
+        That is not raised here, where a case may only be about to begin: the next scheduling point ends it.
+        """
+        keeper = self._keeper
+        problem = keeper.arm_again(entry.void_to)
+        if problem or not self._drive_again():
+            keeper.safe()
+        if problem and not keeper.scheduler.flags.reason:
+            raise NotArmedAgain(f"the bench was not armed again: {problem}", "see hil bench check")
+
+    def _drive_again(self) -> bool:
+        """Return whether everything is driven again, which it is not once somebody asked to stop."""
         try:
             self._keeper.holding.drive_again()
         except Stopped:
-            self._keeper.safe()
-            raise
+            return False
+        self._keeper.scheduler.begin_again()
+        return True
 
     def _as_recorded(self, entry: events.Entry, t: float) -> events.Entry:
         """Enter the run where it was entered, at bench time `t` in s."""
