@@ -16,17 +16,17 @@ from hil.bench.gate import Gate
 from hil.bench.lease import Lease, refuse_latched
 from hil.bench.live import bind_live
 from hil.bench.port_identity import WrongPort, strangers_on_network
-from hil.bench.safe_off import SafeResult, make_safe
+from hil.bench.safe_off import SafeResult, make_safe, watch_after
 from hil.bench.serving import ServedEnds, served
 from hil.clock import wall
 from hil.evidence.events import NOTHING, Anomaly, Event, EventSink
 from hil.evidence.folder import GUARDIAN
-from hil.executive.ending.signals import handle_signals
+from hil.executive.ending.signals import Alarm, handle_signals
 from hil.executive.ending.stop import StopFlags
 from hil.executive.setup.configuration import reach_of
 from hil.executive.setup.workspace import Workspace, find_workspace
 from hil.executive.watching.arming import FIRST_ARMING, ArmedBench
-from hil.executive.watching.machine import live_machine
+from hil.executive.watching.machine import LiveMachine, live_machine
 from hil.executive.watching.ports import Machine, NoMachine
 from hil.executive.watching.timeline import Timeline, timeline_of
 from hil.model.bench import BenchSpec
@@ -79,16 +79,15 @@ def check_bench(
     """
     with ExitStack() as stack:
         flags = StopFlags()
-        if energise:
-            stack.enter_context(handle_signals(flags))
+        alarm = stack.enter_context(handle_signals(flags)) if energise else None
         try:
             visit = stack.enter_context(_visit(start, name, source, served, driven=energise))
         except WrongPort as error:
             return _checked(error.gates, tell)
         except DeviceFault as error:
             return _checked([Gate(f"port of {error.device}", ok=False, detail=str(error))], tell)
-        if energise:
-            return _energised(visit, flags, tell)
+        if alarm is not None:
+            return _energised(visit, flags, alarm, tell)
         look = ArmedBench(visit.bench, None, flags, NoMachine()).look()
         return _checked(chain(look, _latch_gates(visit.bench.spec, source, served)), tell)
 
@@ -101,13 +100,14 @@ def _checked(gates: Iterable[Gate], tell: Told) -> Checked:
     return Checked(ready=ready)
 
 
-def _energised(visit: _Visit, flags: StopFlags, tell: Told) -> Checked:
-    """Arm the bench, and leave it; whatever happens meanwhile, it is made safe, and proven to be."""
+def _energised(visit: _Visit, flags: StopFlags, alarm: Alarm, tell: Told) -> Checked:
+    """Arm the bench, and leave it; whatever happens meanwhile, it is made safe, proven to be, and watched."""
     bench = visit.bench
     with visit.tenancy(tell) as tenant:
         machine: Machine = NoMachine()
         if bench.live is not None:
-            machine = live_machine(bench, bench.live, flags, tenant, visit.workspace.inhibitor)
+            machine = live = live_machine(bench, bench.live, flags, tenant, visit.workspace.inhibitor)
+            alarm.keep(_Beating(live))
         armed = ArmedBench(bench, None, flags, machine, thorough=True)
         course = _Unwatched(timeline_of(bench, machine, _Uneventful()))
         left: list[str] = []
@@ -118,10 +118,37 @@ def _energised(visit: _Visit, flags: StopFlags, tell: Told) -> Checked:
                 course.come()  # what people or the guardian's drill took of time is not the safe-off's
                 left += armed.make_safe(lambda _: None)
             left += armed.let_go()
+            if armed.touched:
+                left += _watched_afterwards(bench, flags, tell)
+                armed.unsafe = bool(left)
             armed.latch("the check could not prove the bench safe")
         if armed.touched:
             tell(Gate("safe at the end", ok=not left, detail="; ".join(left) or "every line of safe_off is proven"))
         return Checked(ready=not (refusal or left), safe=not left, stopped=flags.reason)
+
+
+def _watched_afterwards(bench: BoundBench, flags: StopFlags, tell: Told) -> list[str]:
+    """Watch what was made safe, as after a run; return what did not behave like it."""
+    wrong: list[str] = []
+
+    def told(result: SafeResult) -> None:
+        tell(Gate(f"{result.output} afterwards", ok=result.ok, detail=result.detail))
+        if not result.ok:
+            wrong.append(f"{result.output}: {result.detail}")
+
+    with flags.shielded():
+        watch_after(bench.spec.watch_after, bench.roles, bench.clock, lambda *_: None, told)
+    return wrong
+
+
+class _Beating:
+    """Lets the guardian hear of a visit where an exchange with a slow instrument takes long, as a run does."""
+
+    def __init__(self, machine: LiveMachine) -> None:
+        self.between = machine.between
+
+    def attend(self, alone_s: float, silent_s: float) -> None:
+        """Do nothing: no case is at work."""
 
 
 class _Unwatched:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import time
 
 import pytest
 from workspaces import make
@@ -11,6 +12,7 @@ from workspaces import make
 from hil.bench.live import Reach
 from hil.bench.safe_off import make_safe
 from hil.cli.commands.bench import command
+from hil.clock.live import LiveClock
 from hil.executive import bench_visit
 from hil.executive.bench_visit import Checked, check_bench, safe_bench
 from hil.executive.ending.stop import Stopped
@@ -131,6 +133,51 @@ def test_an_output_that_cannot_be_reached_any_more_is_told_at_the_end(tmp_path, 
     assert checked == Checked(ready=False, safe=False)
     assert (gates[-1].name, gates[-1].ok) == ("safe at the end", False)
     assert "is not off" in gates[-1].detail
+
+
+@pytest.mark.parametrize(("most", "safe"), [("0.5", True), ("-0.5", False)])
+@pytest.mark.usefixtures("bench")
+def test_what_was_made_safe_is_watched_as_after_a_run(tmp_path, most, safe):
+    """What does not behave as the bench file says is not safe, whatever the lines of the safe-off have proven."""
+    file = tmp_path / "workspace/fixtures/benches/adcs/bench.yaml"
+    line = f'{{output: supply.coil, quantity: current, unit: A, min: "-1", max: "{most}", for: 60 s}}'
+    file.write_text(f"{file.read_text()}\nwatch_after:\n- {line}\n")
+    checked, gates = energised(tmp_path, lambda _: None)
+    assert checked == Checked(ready=safe, safe=safe)
+    assert [(gate.name, gate.ok) for gate in gates[-2:]] == [
+        ("supply.coil afterwards", safe),
+        ("safe at the end", safe),
+    ]
+
+
+def test_a_slow_exchange_of_a_check_does_not_silence_its_heartbeat(tmp_path, monkeypatch, bench):
+    """The guardian hears of a check that waits for an instrument, as it does of a run."""
+    heard = []
+
+    class Slow(NoMachine):
+        """A machine whose first gate takes as long as an exchange may."""
+
+        def between(self):
+            """Count."""
+            heard.append(time.monotonic())
+
+        def gates(self, freshness):
+            """Wait."""
+            time.sleep(0.5)
+            return ()
+
+    def live(*given):
+        found = bound(*given)
+        found.live = LiveClock("2026-01-01T00:00:00Z")
+        return found
+
+    bound = bench_visit.bind_simulated
+    monkeypatch.setattr("hil.executive.bench_visit.bind_simulated", live)
+    monkeypatch.setattr("hil.executive.bench_visit.live_machine", lambda *_: Slow())
+    checked, _ = energised(tmp_path, lambda _: None)
+    assert checked.ready
+    assert len(heard) >= 2
+    assert bench[0].live is not None
 
 
 @pytest.mark.parametrize("serial", ["MY59002391", "MY00000000"])
