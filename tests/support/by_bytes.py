@@ -19,12 +19,13 @@ from hil.instruments.keysight_single import KeysightE3632a, KeysightE36100
 from hil.instruments.korad_ka3005p import KoradKa3005p
 from hil.instruments.newport_esp301 import NewportEsp301
 from hil.instruments.omron_e5cc import OmronE5cc
+from hil.instruments.rigol_dl3021 import RigolDl3021
 from hil.instruments.rigol_dp832 import RigolDp832
 from hil.instruments.rohde_schwarz_hmp import RohdeSchwarzHmp, RohdeSchwarzNge100
 from hil.instruments.safing import LONGEST_REPLY_S
 from hil.instruments.siglent_spd3303x import SiglentSpd3303x
 from hil.instruments.waveshare_relay import WaveshareRelay
-from hil.model.bench import Proof, Wire
+from hil.model.bench import Clamp, Proof, Wire
 from hil.simulation.peers.cycler.firmware import MODEL as CYCLER
 from hil.simulation.peers.esp301.controller import MODEL as ESP301
 from hil.simulation.peers.eurotherm.controller import MODEL as EUROTHERM
@@ -32,10 +33,13 @@ from hil.simulation.peers.keysight_e36312a import MODEL as KEYSIGHT
 from hil.simulation.peers.keysight_single import E3632A, E36103B
 from hil.simulation.peers.korad_ka3005p import MODEL as KORAD
 from hil.simulation.peers.omron_e5cc import MODEL as OMRON
+from hil.simulation.peers.rigol_dl3021 import MODEL as LOAD
 from hil.simulation.peers.rigol_dp832 import MODEL as RIGOL
 from hil.simulation.peers.rohde_schwarz_hmp import HMP, NGE100
 from hil.simulation.peers.siglent_spd3303x import MODEL as SIGLENT
 from hil.simulation.peers.waveshare_relay import MODEL as WAVESHARE
+from hil.simulation.plants.power_feed import build as rail
+from hil.simulation.truth import Truth
 from hil.wire.exchange import find_stream
 
 __all__ = ["BY_BYTES", "SCPI", "Kind", "Rig", "rig"]
@@ -120,6 +124,7 @@ class Kind:
         proof: as a bench file would have it.
         baud: of its line.
         truth, connects, make_plant: of the peer.
+        clamps: of its outputs, by channel.
     """
 
     model: object
@@ -133,6 +138,7 @@ class Kind:
     truth: dict = field(default_factory=dict)
     connects: dict = field(default_factory=dict)
     make_plant: Callable = lambda: None
+    clamps: dict = field(default_factory=dict)
 
 
 @contextmanager
@@ -154,6 +160,7 @@ def rig(kind, *, faults=(), truth=None, timeout=LONGEST_REPLY_S, terminator=b"")
         connects=kind.connects,
         plants=plants,
         baud=kind.baud,
+        clamps=kind.clamps,
         terminator=terminator,
         timeout=timeout,
     ) as (driver, clock):
@@ -199,6 +206,24 @@ def _drive_table(rig):
     rig.role.set_rate(10.0)
     rig.role.stop()
     rig.role.set_rate(-25.5)
+
+
+def _drive_load(rig):
+    rig.role.constant_current(1.0)
+    rig.role.enable()
+    rig.role.disable()
+    rig.role.enable()
+    rig.role.current()
+
+
+def _load_on(rig):
+    return {"input"} if rig.plant.observe("load.current") else set()
+
+
+def _fed_rail():
+    plant = rail("rail", 10**7, Truth({}, ()))
+    plant.command(given=12.0, limit=5.0)
+    return plant
 
 
 def _drive_cycler(rig):
@@ -312,6 +337,19 @@ BY_BYTES = {
         truth={"sensor_noise": "0"},
         connects={"sensor": "chamber.plate", "drive": "chamber.tec", "ambient": "chamber.ambient"},
         make_plant=chamber,
+    ),
+    "rigol-dl3021": Kind(
+        model=LOAD,
+        driver=RigolDl3021,
+        wire=Wire(role="electronic_load", instance="", instrument="device"),
+        state="off",
+        drive=_drive_load,
+        on=_load_on,
+        proof=_proof("electronic_load", "current", "A", 0.005),
+        truth={"voltage_noise": "0", "current_noise": "0"},
+        connects={"input": "rail.load"},
+        make_plant=_fed_rail,
+        clamps={0: (Clamp(output="electronic_load", quantity="current", unit="A", minimum=0.0, maximum=2.0),)},
     ),
     "newport-esp301": Kind(
         model=ESP301,

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Annotated
 
-from hil.instruments.scpi_instrument import OFF, Speech
+from hil.instruments.scpi_instrument import SwitchedSpeech
 from hil.instruments.scpi_session import as_register, as_switch
 from hil.model.notation import matching, measured
 
@@ -86,48 +86,28 @@ def mode_of(*, voltage: int, current: int) -> Callable[[str, int], str]:
 _AS_MODE = mode_of(voltage=1 << 1, current=1 << 0)
 
 
-def _as_state(reply: str, channel: int) -> bool:
-    del channel
-    return as_switch(reply)
-
-
-def _says_off(channel: int) -> bytes:
-    del channel
-    return OFF
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Dialect(Speech):
+class Dialect(SwitchedSpeech):
     """One family's commands; `{channel}` and `{value}` are filled in.
 
     Attributes:
         channels: the outputs that the family has.
-        decimals: digits after the point that are sent.
-        tolerance: how far a setting that is read back may lie from what was sent (V or A): the
-            family's coarsest programming step.
         mode: asks how the output regulates.
         over_voltage: the protection that switches off at too high a voltage, where there is one.
         over_current: the protection that switches off at too high a current, where a wire may use it.
         levels: what a wire may set of the protections.
         ratings: what each channel of a model can be set to at most [V, A]; a model that is not listed has all of
             `channels`, and only the instrument knows its ratings.
-        as_state: reads whether a channel is on.
         as_armed: reads whether a protection is on.
         as_trip: reads whether a protection has tripped.
         as_mode: reads `CV`, `CC` or `unregulated` of a channel.
-        says_off: returns what the reply of `is_on` looks like where a channel is off, as a regular expression.
     """
 
     channels: tuple[int, ...]
-    decimals: int
-    tolerance: float
     set_voltage: str
     get_voltage: str
     set_current: str
     get_current: str
-    switch_on: str
-    switch_off: str
-    is_on: str
     measure_voltage: str
     measure_current: str
     mode: str
@@ -135,11 +115,9 @@ class Dialect(Speech):
     over_current: Protection | None = None
     levels: type[Levels] = VoltageLevel
     ratings: Mapping[str, tuple[tuple[float, float], ...]] = field(default_factory=dict)
-    as_state: Callable[[str, int], bool] = _as_state
     as_armed: Callable[[str], bool] = as_switch
     as_trip: Callable[[str], bool] = as_switch
     as_mode: Callable[[str, int], str] = _AS_MODE
-    says_off: Callable[[int], bytes] = _says_off
 
     def channels_of(self, model: str) -> tuple[int, ...]:
         """Return the outputs that a model has, all of the family's where it is not listed."""

@@ -1,19 +1,25 @@
-"""What SCPI instruments share: how a family talks, its session on a port, and how it is made safe by bytes."""
+"""What SCPI instruments share: how a family talks, its session, and terminals that are switched."""
 
 from __future__ import annotations
 
+import math
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar
 
-from hil.instruments.driver import TERMINATED, Connection
+from hil.instruments.driver import TERMINATED, Clamps, Connection
+from hil.instruments.marks import drives, reads
 from hil.instruments.pacing import PacedPort
-from hil.instruments.scpi_session import ClosedSession, ScpiSession
-from hil.model.errors import Refused
+from hil.instruments.role import Role
+from hil.instruments.safing import NUMBER, must_be_state, own_bounds
+from hil.instruments.scpi_session import ClosedSession, ScpiSession, as_quantity, as_switch
+from hil.model.bench import Proof
+from hil.model.errors import Refused, Rejected
 from hil.model.identity import Identity
 from hil.model.safing import Exchange, SafeBytes
 
-__all__ = ["OFF", "ScpiInstrument", "Speech", "switched_off"]
+__all__ = ["OFF", "ScpiInstrument", "ScpiTerminals", "Speech", "SwitchedSpeech"]
 
 OFF = rb"\+?0|(?i:OFF)"
 """What a reply looks like that means off, as a regular expression; nothing that means on matches it."""
@@ -40,6 +46,129 @@ class Speech:
     framed: bool = False
     fields: int = 4
     pause_s: float = 0.0
+
+
+def _as_state(reply: str, channel: int) -> bool:
+    del channel
+    return as_switch(reply)
+
+
+def _says_off(channel: int) -> bytes:
+    del channel
+    return OFF
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SwitchedSpeech(Speech):
+    """How a family talks whose terminals are switched; `{channel}` is filled in.
+
+    Attributes:
+        decimals: digits after the point that are sent.
+        tolerance: how far a setting that is read back may lie from what was sent, in its unit: the family's coarsest
+            programming step.
+        switch_on, switch_off, is_on: switch the terminals, and ask whether they are on.
+        as_state: reads whether they are on.
+        says_off: returns what the reply of `is_on` looks like where they are off, as a regular expression.
+    """
+
+    decimals: int
+    tolerance: float
+    switch_on: str
+    switch_off: str
+    is_on: str
+    as_state: Callable[[str, int], bool] = _as_state
+    says_off: Callable[[int], bytes] = _says_off
+
+
+class ScpiTerminals:
+    """Terminals that are switched: an output of a supply, the input of a load.
+
+    Every setting is permitted by the clamps right before its bytes leave, sent once, followed by the
+    error queue, and read back.
+
+    Args:
+        name: the wire's dotted name.
+        device: the instrument's name, for messages.
+        session: the instrument's session.
+        speech: how it talks.
+        clamps: what its terminals may be told.
+        channel: which of them.
+    """
+
+    fills: ClassVar[Role]
+
+    def __init__(
+        self, *, name: str, device: str, session: ScpiSession, speech: SwitchedSpeech, clamps: Clamps, channel: int
+    ) -> None:
+        self._name = name
+        self._device = device
+        self._session = session
+        self._speech = speech
+        self._clamps = clamps
+        self._channel = channel
+
+    @drives
+    def disable(self) -> None:
+        """Switch off; the bytes leave first, whatever state the dialogue is in."""
+        self._session.setting(self._filled(self._speech.switch_off), urgent=True)
+        if self.enabled():
+            raise Rejected(self._device, f"{self._name} was switched off and is on", "cut its mains, then check it")
+
+    @reads
+    def enabled(self) -> bool:
+        """Return whether the instrument says that they are on."""
+        speech = self._speech
+        return self._session.query(self._filled(speech.is_on), lambda reply: speech.as_state(reply, self._channel))
+
+    def _switch_on(self) -> bool:
+        """Switch on, and return whether they are."""
+        self._session.setting(self._filled(self._speech.switch_on))
+        return self.enabled()
+
+    def _safe_bytes(self, state: str, proof: Proof | None, questions: dict[str, str]) -> SafeBytes:
+        """Return the bytes of off; see `hil.instruments.roles.SafeByBytes`.
+
+        Args:
+            state: of the role.
+            proof: as the bench file has it.
+            questions: what asks for each quantity that a proof may read.
+        """
+        must_be_state(self.fills, self._name, state)
+        speech = self._speech
+        asked: list[tuple[str, bytes, tuple[float, float] | None]] = [
+            (self._filled(speech.is_on), speech.says_off(self._channel), None)
+        ]
+        for quantity, question in questions.items():
+            if bounds := own_bounds(self._name, proof, quantity):
+                unit = self.fills.quantities[quantity].encode("ascii")
+                asked.append((self._filled(question), NUMBER + b" *" + unit + b"?", bounds))
+        return _switched_off(speech, self._filled(speech.switch_off), tuple(asked), self._session)
+
+    def _set(self, quantity: str, command: str, question: str, value: float) -> None:
+        """Permit, send, ask the error queue, read back, compare."""
+        text = f"{value:.{self._speech.decimals}f}"
+        self._clamps.permit(self._channel, quantity, value)
+        self._session.setting(self._filled(command, value=text))
+        taken = self._number(quantity, question)
+        if not abs(taken - value) <= self._speech.tolerance:
+            raise Rejected(
+                self._device,
+                f"{self._name}: {quantity} was set to {text} and reads back {taken:g}",
+                "check whether the front panel or another program changes it, and the instrument's ratings",
+            )
+
+    def _sendable(self, quantity: str, value: float) -> float:
+        """Return the number that will be sent, so that the clamps judge that one."""
+        if not math.isfinite(value):
+            raise Refused(f"{self._name}: {quantity} {value} is not a number to set", "give a finite number")
+        return round(value, self._speech.decimals)
+
+    def _number(self, quantity: str, question: str) -> float:
+        unit = self.fills.quantities[quantity.removeprefix("over_")]
+        return self._session.query(self._filled(question), as_quantity(unit))
+
+    def _filled(self, template: str, value: str = "") -> str:
+        return template.format(channel=self._channel, value=value)
 
 
 class ScpiInstrument:
@@ -74,7 +203,7 @@ class ScpiInstrument:
         return Identity(manufacturer=manufacturer, model=model, serial=serial, firmware=firmware)
 
 
-def switched_off(
+def _switched_off(
     speech: Speech,
     off: str,
     questions: tuple[tuple[str, bytes, tuple[float, float] | None], ...],

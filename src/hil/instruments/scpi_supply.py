@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import ClassVar
 
 from hil.instruments import settings
 from hil.instruments.driver import OVER_VOLTAGE_LEVEL, TERMINATED, Clamps, Outlet
 from hil.instruments.marks import drives, reads
+from hil.instruments.role import Role
 from hil.instruments.roles import SUPPLY
-from hil.instruments.safing import NUMBER, must_be_state, own_bounds
 from hil.instruments.scpi_dialect import Dialect, Levels, Protection
-from hil.instruments.scpi_instrument import ScpiInstrument, switched_off
-from hil.instruments.scpi_session import ScpiSession, as_quantity
+from hil.instruments.scpi_instrument import ScpiInstrument, ScpiTerminals
+from hil.instruments.scpi_session import ScpiSession
 from hil.model.bench import Proof, Wire
 from hil.model.errors import Refused, Rejected
 from hil.model.figure import Figure
@@ -21,27 +20,21 @@ from hil.model.safing import SafeBytes
 
 __all__ = ["ScpiOutput", "ScpiSupply"]
 
-_READ = {"voltage": as_quantity("V"), "current": as_quantity("A")}
-_MEASURED = {"voltage": NUMBER + b" *V?", "current": NUMBER + b" *A?"}
 
-
-class ScpiOutput:
+class ScpiOutput(ScpiTerminals):
     """One output of a power supply; fills the role `supply`.
 
-    Every setting is permitted by the clamps right before its bytes leave, sent once, followed by the
-    error queue, and read back. Switching on asks the clamps too: what the instrument has been set to
+    Switching on asks the clamps too: what the instrument has been set to
     before, from its front panel or by an earlier run, must be permitted as well. Over-voltage
     protection that has tripped stays tripped: clearing it is a person's decision at the instrument.
 
     Args:
-        name: the wire's dotted name.
-        device: the instrument's name, for messages.
-        session: the instrument's session.
+        name, device, session, clamps, channel: see `ScpiTerminals`.
         dialect: its commands.
-        clamps: what its outputs may be told.
-        channel: which output.
         levels: of the protections; what is None, or empty, is left alone.
     """
+
+    fills: ClassVar[Role] = SUPPLY
 
     def __init__(
         self,
@@ -54,12 +47,8 @@ class ScpiOutput:
         channel: int,
         levels: Levels,
     ) -> None:
-        self._name = name
-        self._device = device
-        self._session = session
+        super().__init__(name=name, device=device, session=session, speech=dialect, clamps=clamps, channel=channel)
         self._dialect = dialect
-        self._clamps = clamps
-        self._channel = channel
         self._over_voltage = levels.over_voltage
         pairs = (
             ("over_voltage", dialect.over_voltage, levels.over_voltage),
@@ -96,23 +85,9 @@ class ScpiOutput:
         self._clamps.permit(self._channel, "voltage", self._number("voltage", self._dialect.get_voltage))
         self._clamps.permit(self._channel, "current", self._number("current", self._dialect.get_current))
         self._protect()
-        self._session.setting(self._filled(self._dialect.switch_on))
-        if not self.enabled():
+        if not self._switch_on():
             self._must_not_have_tripped()
             raise Rejected(self._device, f"{self._name} was switched on and is off", "check the instrument's display")
-
-    @drives
-    def disable(self) -> None:
-        """Switch the output off; its bytes leave first, whatever state the dialogue is in."""
-        self._session.setting(self._filled(self._dialect.switch_off), urgent=True)
-        if self.enabled():
-            raise Rejected(self._device, f"{self._name} was switched off and is on", "cut its mains, then check it")
-
-    @reads
-    def enabled(self) -> bool:
-        """Return whether the instrument says that the output is on."""
-        dialect = self._dialect
-        return self._session.query(self._filled(dialect.is_on), lambda reply: dialect.as_state(reply, self._channel))
 
     @reads
     def voltage(self) -> Figure:
@@ -134,15 +109,8 @@ class ScpiOutput:
 
     def safe_bytes(self, state: str, proof: Proof | None = None) -> SafeBytes:
         """Return the bytes of off; see `hil.instruments.roles.SafeByBytes`. Voltage and current can be asked for."""
-        must_be_state(SUPPLY, self._name, state)
-        dialect = self._dialect
-        questions: list[tuple[str, bytes, tuple[float, float] | None]] = [
-            (self._filled(dialect.is_on), dialect.says_off(self._channel), None)
-        ]
-        for quantity, question in (("voltage", dialect.measure_voltage), ("current", dialect.measure_current)):
-            if bounds := own_bounds(self._name, proof, quantity):
-                questions.append((self._filled(question), _MEASURED[quantity], bounds))
-        return switched_off(dialect, self._filled(dialect.switch_off), tuple(questions), self._session)
+        questions = {"voltage": self._dialect.measure_voltage, "current": self._dialect.measure_current}
+        return self._safe_bytes(state, proof, questions)
 
     def _must_be_rated(self, voltage: float, current: float) -> None:
         """Refuse what the model that was identified does not have or cannot give."""
@@ -186,31 +154,6 @@ class ScpiOutput:
                 f"{self._name}: the {quantity.replace('_', '-')} protection was switched on and is off",
                 "check the instrument's display and its programming guide",
             )
-
-    def _set(self, quantity: str, command: str, question: str, value: float) -> None:
-        """Permit, send, ask the error queue, read back, compare."""
-        text = f"{value:.{self._dialect.decimals}f}"
-        self._clamps.permit(self._channel, quantity, value)
-        self._session.setting(self._filled(command, value=text))
-        taken = self._number(quantity, question)
-        if not abs(taken - value) <= self._dialect.tolerance:
-            raise Rejected(
-                self._device,
-                f"{self._name}: {quantity} was set to {text} and reads back {taken:g}",
-                "check whether the front panel or another program changes it, and the instrument's ratings",
-            )
-
-    def _sendable(self, quantity: str, value: float) -> float:
-        """Return the number that will be sent, so that the clamps judge that one."""
-        if not math.isfinite(value):
-            raise Refused(f"{self._name}: {quantity} {value} is not a number to set", "give a finite number")
-        return round(value, self._dialect.decimals)
-
-    def _number(self, quantity: str, question: str) -> float:
-        return self._session.query(self._filled(question), _READ[quantity.removeprefix("over_")])
-
-    def _filled(self, template: str, value: str = "") -> str:
-        return template.format(channel=self._channel, value=value)
 
 
 class ScpiSupply(ScpiInstrument):

@@ -169,7 +169,7 @@ def _wiring(spec: BenchSpec) -> Complaints:
 
 
 def _shared(spec: BenchSpec) -> Complaints:
-    """Two wires may share a board of contacts, but no contact, and no channel."""
+    """Two wires may share a board of contacts, but no contact; and a channel only where neither drives it."""
     by_place: dict[tuple[str, int], list[Wire]] = {}
     for at, wire in listed("wiring", spec.wiring):
         numbers = set(wire.contacts.values())
@@ -180,10 +180,18 @@ def _shared(spec: BenchSpec) -> Complaints:
             both = numbers & set(other.contacts.values())
             if both:
                 yield at, f"{wire.name} and {other.name} both have contact {min(both)} of {wire.instrument}"
-            elif not (wire.contacts and other.contacts):
+            elif not (wire.contacts and other.contacts) and not _measure_by_turns(wire, other):
                 where = f"channel {wire.channel} of {wire.instrument}" if wire.channel else wire.instrument
                 yield at, f"{wire.name} and {other.name} are both on {where}"
         others.append(wire)
+
+
+def _measure_by_turns(wire: Wire, other: Wire) -> bool:
+    """Return whether two wires may be on one instrument: neither drives anything, or they are one chip's two roles."""
+    roles = ROLES.find(wire.role), ROLES.find(other.role)
+    if any(role is None or role.hazardous for role in roles):
+        return False
+    return wire.role != other.role or not any(role and role.states for role in roles)
 
 
 def _twin(spec: BenchSpec) -> Complaints:

@@ -9,7 +9,7 @@ from typing import Literal
 from hil.model.bench import InstrumentSpec
 from hil.simulation.faults import Fault, Faults
 from hil.simulation.plants.plant import Plant
-from hil.simulation.plants.terminal import InputPoint, PlantPort, Resistor, SignalPoint, Terminal
+from hil.simulation.plants.terminal import InputPoint, LoadTerminal, PlantPort, Resistor, SignalPoint, Terminal
 from hil.simulation.seeds import RandomStream, Seeds
 from hil.simulation.truth import Path, Truth, TruthError, UnknownPlant, suggestion, together
 from hil.wire.peer import BusPeer, SerialPeer
@@ -45,6 +45,17 @@ class Connections:
             return Resistor(ohms)
         self._take(terminal)
         return PlantPort(plant, plant.ports[name])
+
+    def load(self, terminal: str) -> LoadTerminal:
+        """Return what an electronic load draws from: a plant's sink, or open terminals where none is named."""
+        found = self._find(terminal)
+        if found is None:
+            return LoadTerminal()
+        plant, name = found
+        if not self._has(terminal, plant, name, tuple(plant.sinks), "sink for a load"):
+            return LoadTerminal()
+        self._take(terminal)
+        return LoadTerminal(plant, plant.sinks[name])
 
     def input(self, terminal: str) -> InputPoint | None:
         """Return the plant's input at a terminal, or None if nothing is connected."""

@@ -33,9 +33,11 @@ _MESSAGES = {
     -109: "Missing parameter",
     -113: "Undefined header",
     -131: "Invalid suffix",
+    -213: "Init ignored",
     -221: "Settings conflict",
     -222: "Data out of range",
     -224: "Illegal parameter value",
+    -230: "Data corrupt or stale",
     -350: "Error queue overflow",
     -363: "Input buffer overrun",
 }

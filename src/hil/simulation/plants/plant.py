@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from hil.clock.port import NANOSECONDS
 from hil.wire.checkpoint import Kept, Stateful
 
-__all__ = ["Inputs", "Plant", "Port", "Value", "Vector"]
+__all__ = ["Inputs", "Plant", "Port", "Sink", "Value", "Vector"]
 
 Value = float | bool | str
 """What an input can be."""
@@ -34,6 +34,19 @@ class Port:
 
     voltage_input: str
     current_input: str
+    voltage_signal: str
+    current_signal: str
+
+
+@dataclass(frozen=True, slots=True)
+class Sink:
+    """Where an electronic load can be connected: its mode and level as inputs, and the two signals seen there.
+
+    The mode is one of `hil.simulation.plants.node.MODES`, empty for an input that is off.
+    """
+
+    mode_input: str
+    level_input: str
     voltage_signal: str
     current_signal: str
 
@@ -70,6 +83,7 @@ class Plant(Stateful, ABC):
     _moments: Kept[deque[_Moment]]
 
     ports: ClassVar[Mapping[str, Port]] = MappingProxyType({})
+    sinks: ClassVar[Mapping[str, Sink]] = MappingProxyType({})
 
     def __init__(self, name: str, grid_ns: int, state: Vector, inputs: Inputs, signals: frozenset[str]) -> None:
         self.name = name

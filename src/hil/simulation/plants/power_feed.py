@@ -1,4 +1,4 @@
-"""A supply rail that feeds other simulated instruments: relays, a load, an amplifier."""
+"""A supply rail: a contact and wires, what is always on it, and what hangs there: relays, an amplifier, a load."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import ClassVar
 
-from hil.model.notation import Positive
+from hil.model.notation import NotNegative, Positive
 from hil.simulation.plants.model import PlantModel
-from hil.simulation.plants.plant import Inputs, Plant, Port, Vector
+from hil.simulation.plants.node import MODES, Load, Source, operating_point
+from hil.simulation.plants.plant import Inputs, Plant, Port, Sink, Vector
 from hil.simulation.truth import Truth
 
 __all__ = ["MODEL", "FeedTruth", "PowerFeed", "build"]
@@ -17,27 +18,40 @@ __all__ = ["MODEL", "FeedTruth", "PowerFeed", "build"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FeedTruth:
-    """What is always on the rail: a resistor to ground [ohm]."""
+    """What is always on the rail: a resistor to ground [ohm]; and the resistance of wires and contact [ohm]."""
 
     resistance: Positive = 150.0
+    series: NotNegative = 0.0
 
 
 class PowerFeed(Plant):
-    """A rail with a resistor on it: what its consumers draw when they do nothing.
+    """A rail that a supply feeds through a contact and wires, with a resistor and a load on it.
 
-    Inputs `given` [V] and `limit` [A], and signals `voltage` [V] and `current` [A], are those of its port `supply`.
+    Port `supply`, sink `load`. The input `contact` is closed until a relay drives it; open, it separates the supply
+    from all that hangs on the rail.
+
+    Signals: `voltage` [V] and `current` [A] at the supply; `load.voltage` and `load.current` at the load.
 
     Args:
         name: the plant's name.
         grid_ns: distance of grid points; nothing here moves by itself.
-        resistance: between the rail and ground [ohm].
+        truth: its resistances.
     """
 
     ports: ClassVar[Mapping[str, Port]] = MappingProxyType({"supply": Port("given", "limit", "voltage", "current")})
+    sinks: ClassVar[Mapping[str, Sink]] = MappingProxyType(
+        {"load": Sink("mode", "level", "load.voltage", "load.current")}
+    )
 
-    def __init__(self, name: str, grid_ns: int, resistance: float) -> None:
-        super().__init__(name, grid_ns, (), {"given": 0.0, "limit": 0.0}, frozenset({"current", "voltage"}))
-        self._resistance = resistance
+    def __init__(self, name: str, grid_ns: int, truth: FeedTruth) -> None:
+        inputs: Inputs = {"given": 0.0, "limit": 0.0, "contact": True, "mode": "", "level": 0.0}
+        signals = frozenset({"current", "voltage", "load.current", "load.voltage"})
+        super().__init__(name, grid_ns, (), inputs, signals)
+        self._truth = truth
+
+    def choices(self, name: str) -> tuple[str, ...]:
+        """Return the modes of a load."""
+        return MODES if name == "mode" else ()
 
     def step(self, state: Vector, inputs: Inputs, dt: float) -> Vector:
         """Return the state, which never changes."""
@@ -45,10 +59,20 @@ class PowerFeed(Plant):
         return state
 
     def signal(self, name: str, state: Vector, inputs: Inputs, at: float) -> float:
-        """Return voltage or current of the rail."""
+        """Return voltage or current at the supply, or at the load."""
         del state, at
-        amperes = min(float(inputs["given"]) / self._resistance, float(inputs["limit"]))
-        return amperes if name == "current" else amperes * self._resistance
+        given, limit, truth = float(inputs["given"]), float(inputs["limit"]), self._truth
+        if not inputs["contact"]:
+            return given if name == "voltage" else 0.0
+        load = Load(str(inputs["mode"]), float(inputs["level"]))
+        node, amperes, drawn = operating_point(Source(given, limit, truth.series), load, truth.resistance)
+        seen = {
+            "current": amperes,
+            "load.voltage": node,
+            "load.current": drawn,
+            "voltage": node + amperes * truth.series,
+        }
+        return seen[name]
 
 
 def build(name: str, grid_ns: int, truth: Truth) -> PowerFeed:
@@ -59,7 +83,7 @@ def build(name: str, grid_ns: int, truth: Truth) -> PowerFeed:
     """
     feed = truth.part(FeedTruth)
     truth.finish()
-    return PowerFeed(name, grid_ns, feed.resistance)
+    return PowerFeed(name, grid_ns, feed)
 
 
 MODEL = PlantModel(build=build)

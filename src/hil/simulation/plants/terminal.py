@@ -11,9 +11,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.simulation.plants.plant import Plant, Port, Value, Vector
+from hil.simulation.plants.plant import Plant, Port, Sink, Value, Vector
 
-__all__ = ["InputPoint", "PlantPort", "Power", "Resistor", "SignalPoint", "Terminal", "observing"]
+__all__ = ["InputPoint", "LoadTerminal", "PlantPort", "Power", "Resistor", "SignalPoint", "Terminal", "observing"]
 
 
 class Terminal(Protocol):
@@ -79,6 +79,33 @@ class PlantPort:
     def drive(self, volts: float, limit: float) -> None:
         """Command the plant."""
         self._plant.command(**{self._port.voltage_input: volts, self._port.current_input: limit})
+
+
+class LoadTerminal:
+    """What an electronic load hangs on: a node of a plant that it draws from, or nothing.
+
+    Args:
+        plant: the plant, None where the terminals are open.
+        sink: of the plant.
+    """
+
+    def __init__(self, plant: Plant | None = None, sink: Sink | None = None) -> None:
+        self._plant = plant
+        self._sink = sink
+
+    def draw(self, mode: str, level: float) -> None:
+        """Take a current: see `hil.simulation.plants.node.Load`."""
+        if self._plant and self._sink:
+            values: dict[str, Value] = {self._sink.mode_input: mode, self._sink.level_input: level}
+            self._plant.command(**values)
+
+    def volts(self) -> float:
+        """Return the voltage between the terminals."""
+        return self._plant.observe(self._sink.voltage_signal) if self._plant and self._sink else 0.0
+
+    def amperes(self) -> float:
+        """Return the current into the load."""
+        return self._plant.observe(self._sink.current_signal) if self._plant and self._sink else 0.0
 
 
 @dataclass(frozen=True, slots=True)
