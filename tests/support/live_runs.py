@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import time
@@ -31,6 +32,7 @@ _PLAN = '''\
 """Every output of the bench is on."""
 
 import os
+import re
 import signal
 import stat
 import time
@@ -67,7 +69,7 @@ def test_on(supply, thermal, cycler, clock, check, step, operator):
     check("LIVE-010", "temperature", thermal.temperature())
 '''
 
-_ON = ("psu1.outputs.1.on", "psu1.outputs.2.on", "psu2.output.on")
+_ON = ("psu1.parts.1.on", "psu1.parts.2.on", "psu2.output.on")
 
 
 @dataclass(frozen=True)
@@ -167,21 +169,34 @@ def served(
         process.communicate()
 
 
-def live_workspace(root: Path, body: str = "clock.sleep(36000.0)", changes: Mapping[str, str] | None = None):
-    """Return a workspace with the bench `battery` and a plan that has every output on while `body` runs."""
+def live_workspace(
+    root: Path, body: str = "clock.sleep(36000.0)", changes: Mapping[str, str] | None = None, *, watched: bool = True
+):
+    """Return a workspace with the bench `battery` and a plan that has every output on while `body` runs.
+
+    Args:
+        root: its folder.
+        body: statements of the case.
+        changes: texts of the bench file.
+        watched: whether the bench is watched after the end of a run, for some seconds.
+    """
     # Nobody here waits for what a cell and its plates do afterwards.
     shorter = {
         'max: "0.02", for: 60 s': 'max: "0.02", for: 4 s',
         'tolerance: "4", within: 180 s': 'tolerance: "40", within: 8 s',
     }
     workspace = battery_workspace(root, "battery_charge", {**shorter, **(changes or {})})
+    if not watched:
+        file = root / "fixtures/benches/battery/bench.yaml"
+        text = re.sub(r"^watch_after:\n(- .*\n)+", "", file.read_text(encoding="utf-8"), flags=re.MULTILINE)
+        file.write_text(text, encoding="utf-8")
     plan = root / "testplans" / "on"
     plan.mkdir()
     (plan / "requirements.yaml").write_text(_REQUIREMENTS)
     (plan / "parameters.yaml").write_text("schema: hil/parameters/1\nparameters: []\n")
     (plan / "test_on.py").write_text(_PLAN.replace("{body}", body.replace("\n", "\n        ")))
     live = BatteryWorkspace(workspace.root, plan, workspace.environment)
-    assert live.hil("requirements", "lock", "on").code == 0
+    live.lock()
     return live
 
 

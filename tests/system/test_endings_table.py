@@ -1,7 +1,8 @@
 """The table of endings: whatever ends a run or a check, and whenever, what is true on the bench is safe soon after.
 
 A row is a phase and an ending; add rows to `ROWS`. A sample is tried once; with `--soak` every row is tried
-twenty times, at the bench's own speed and at four times that, on a machine that has other things to do.
+twenty times, at the bench's own speed and at four times that, on a machine that has other things to do. A try mostly
+waits for its bench, so that some twenty can go on at once on two cores: `pytest --soak -n 20`.
 """
 
 from __future__ import annotations
@@ -13,16 +14,19 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from contextlib import ExitStack, chdir, contextmanager
+from dataclasses import dataclass, replace
 from itertools import product
 
 import pytest
 import sweeps
+from click.testing import CliRunner
 from live_runs import guardian_of, live_workspace, seconds_until, served
-from workspaces import executive, finish, kill
+from resumed_runs import without_git
+from workspaces import Ended, executive, finish, kill
 
 from hil.bench.lease import latches_of
+from hil.cli.main import cli
 
 pytestmark = [pytest.mark.system, pytest.mark.alone, pytest.mark.timeout(600)]
 
@@ -116,31 +120,64 @@ BODIES = {
 }
 """What the case does, where that is what ends it."""
 
-ASKING = 'begun()\noperator.confirm("Is every fan turning?", name="fans")'
-"""A case that waits for a person, with every output on."""
+IN_PHASE = {
+    "prompt": 'begun()\noperator.confirm("Is every fan turning?", name="fans")',
+    "between cases": "pass",
+    "sealing": "clock.sleep(1.0)",
+    "resuming": 'for _ in iterations("Turn", 9):\n    begun()\n    clock.sleep(36000.0)',
+}
+"""What the case does, where that brings the run to a phase: it asks with every output on, or passes, or has turns."""
+
+NEXT_CASE = """\
+import pytest
+
+@pytest.mark.requirement("LIVE-010")
+@pytest.mark.max_duration(36000)
+@pytest.mark.repeatable("reading the bench does not change it")
+def test_then(clock, thermal, check):
+    clock.sleep(36000.0)
+    check("LIVE-010", "temperature", thermal.temperature())
+"""
+"""The case after the one that has every output on."""
 
 _ASKED = ("ctrl-c", "two ctrl-c", "sigterm", "sighup")
 _BROKEN = ("killed", "crashed", "hung", "one instant")
+_UNGUARDED = ("killed", "crashed")
+"""What can end a run whose guardian has left, because all is safe; a stopped process continues, or is killed."""
 
 ROWS = [
-    *product(("arming", "check", "case", "prompt", "safe-off"), _ASKED),
-    *product(("arming", "check", "case", "prompt", "safe-off"), _BROKEN),
+    *product(("arming", "resuming", "check", "case", "prompt", "between cases", "safe-off", "sealing"), _ASKED),
+    *product(("arming", "resuming", "check", "case", "prompt", "between cases", "safe-off"), _BROKEN),
+    *product(("sealing",), _UNGUARDED),
     *product(("arming", "case"), ("supervisor killed",)),
     ("case", "endless loop"),
     ("case", "endless call"),
 ]
-"""Every phase in which an ending is tried: arming, an energised check, a case, a prompt, the way to safe."""
+"""Every phase in which an ending is tried: arming, also of a resumed run, an energised check, a case, a prompt, between
+two cases, the way to safe, and sealing."""
 
 FEW = [
     ("arming", "ctrl-c"),
+    ("resuming", "ctrl-c"),
     ("check", "sighup"),
     ("check", "killed"),
     ("case", "endless loop"),
     ("case", "endless call"),
     ("case", "supervisor killed"),
     ("prompt", "hung"),
+    ("between cases", "killed"),
+    ("sealing", "sigterm"),
 ]
 """Those that are tried without a soak; `test_live_endings` tries more."""
+
+
+def expected(phase: str, name: str) -> Ending:
+    """Return the ending as it is to be in a phase: a run whose bench is safe is sealed, or can be, whatever comes."""
+    ending = ENDINGS[name]
+    if phase == "sealing":
+        kept = replace(ending, code=0, said="")
+        return kept if name in _ASKED else replace(ending, latched=False, state="INTERRUPTED")
+    return replace(ending, said="") if phase == "safe-off" and name in _ASKED else ending
 
 
 @pytest.fixture(scope="module", params=SPEEDS, ids=lambda speed: f"{speed:g}x")
@@ -156,35 +193,80 @@ def bench(request, tmp_path_factory):
 
 @contextmanager
 def begun(phase: str, bench, workspace) -> Iterator[Target]:
-    """Start what is ended, and give it once it is at this phase with an output on."""
+    """Start what is ended, and give it once it is at this phase."""
     place = ("--source", "simulated", "--served", str(bench.folder))
     check = ("bench", "check", "battery", *place, "--energise")
     run = ("run", "on", "--bench", "battery", "--dut", "SIM-BAT-1", *place)
-    process = workspace.start(*(check if phase == "check" else run), stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+    process = started(workspace, *(check if phase == "check" else run))
     target = Target(process, supervised=phase != "check")
     sign = workspace.root / "on"
     try:
-        if phase in {"arming", "check"}:
-            seconds_until(bench.on, 60.0, "an output on")
-        else:
-            seconds_until(sign.exists, 120.0, "the case's outputs on")
-        if phase == "prompt":
-            journal = workspace.folders()[-1] / "data/journal.jsonl"
-            seconds_until(lambda: '"kind":"question"' in journal.read_text(), 10.0, "a question")
+        if phase not in {"arming", "check", "between cases", "sealing"}:
+            until(process, sign.exists, 120.0, "the case's outputs on")
+        if phase == "resuming":
+            target.send(signal.SIGKILL)
+            finish(process)
+            acknowledge(workspace, workspace.folders()[-1].name)
+            resume = ("resume", workspace.folders()[-1].name, "--served", str(bench.folder))
+            process = started(workspace, *resume)
+            target = Target(process, supervised=True)
+        if phase in {"arming", "check", "resuming"}:
+            until(process, bench.on, 60.0, "an output on")
+        if phase in MARKS:
+            pattern, mark = MARKS[phase]
+            until(process, lambda: written(workspace, pattern, mark), 120.0, mark or pattern)
         if phase == "safe-off":
             target.send(signal.SIGINT)
         yield target
     finally:
         if process.poll() is None:
             kill(process)
+        process.communicate()
         release(workspace)
+
+
+MARKS = {
+    "prompt": ("data/journal.jsonl", '"kind":"question"'),
+    "between cases": ("data/journal.jsonl", '"kind":"case-end"'),
+    "sealing": ("data/recordings/*.h5", ""),
+}
+"""By which file of the run, and which text in it, a phase is recognised."""
+
+
+def written(workspace, pattern: str, mark: str) -> bool:
+    """Tell whether the run has written that."""
+    found = [file for run in workspace.folders()[-1:] for file in run.glob(pattern)]
+    return any(mark in file.read_text(errors="replace") for file in found) if mark else bool(found)
+
+
+def started(workspace, *words: str) -> subprocess.Popen[str]:
+    """Start a command."""
+    return workspace.start(*words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+
+
+def until(process, true: Callable[[], object], limit_s: float, what: str) -> None:
+    """Wait until something is true, unless the command ends before; what it said is told then."""
+    seconds_until(lambda: true() or process.poll() is not None, limit_s, what)
+    assert process.poll() is None, f"it ended before {what}: {process.communicate()[0]}"
+
+
+def hil(workspace, *words: str) -> Ended:
+    """Call a command in this process, which costs a tenth of a process of its own."""
+    with chdir(workspace.root):
+        told = CliRunner().invoke(cli, words)
+    return Ended(told.exit_code, told.output, repr(told.exception))
+
+
+def acknowledge(workspace, run: str) -> None:
+    """Acknowledge what the guardian did once it has ended."""
+    seconds_until(lambda: hil(workspace, "ack", run, "--by", "Ada", "--text", "looked at").code == 0, 60.0, "ack")
 
 
 def release(workspace) -> None:
     """Leave no latch of a try that failed: every later one would be refused."""
-    for run in [*workspace.root.glob("reports/*"), *workspace.root.glob("reports/.visits/*")]:
+    for run in [*workspace.root.glob("reports/[!.]*"), *workspace.root.glob("reports/.visits/*")]:
         if latches_of(run.name) and sys.exc_info()[0] is not None:
-            seconds_until(lambda run=run: acknowledged(workspace, run.name), 60.0, "acknowledged")
+            acknowledge(workspace, run.name)
 
 
 def remains_safe(bench) -> None:
@@ -209,10 +291,15 @@ def name_of(phase: str, workspace, out: str) -> str:
 def test_an_ending(tmp_path, bench, phase, name, attempt):
     """What is true of every output soon after, and what exit code, status and acknowledgement say of it."""
     del attempt
-    ending = ENDINGS[name]
+    ending = expected(phase, name)
     changes = {'dew_point: "4"': 'dew_point: "4"\n  longest_computation: 1 s'}
-    body = ASKING if phase == "prompt" else BODIES.get(name, "clock.sleep(36000.0)")
-    workspace = live_workspace(tmp_path / "w", body, changes)
+    body = IN_PHASE.get(phase) or BODIES.get(name, "clock.sleep(36000.0)")
+    workspace = live_workspace(tmp_path / "w", body, changes, watched=False)
+    if phase == "resuming":
+        workspace = without_git(workspace)
+        workspace.change("testplans/on/test_on.py", {"step, operator):": "step, iterations):"})
+    if phase == "between cases":
+        (workspace.plan / "test_then.py").write_text(NEXT_CASE)
     with begun(phase, bench, workspace) as target:
         ending.end(target)
         if name not in NO_SAFER:
@@ -220,23 +307,40 @@ def test_an_ending(tmp_path, bench, phase, name, attempt):
             remains_safe(bench)
         ended = finish(target.process)
         out = ended.out + (ended.err or "")
-    unseen = phase == "safe-off" and name in _ASKED
-    code = ending.of_check if phase == "check" and ending.of_check is not None else ending.code
-    assert ended.code == code, out
-    assert unseen or ending.said in out, out
-    if not ending.latched:
-        return
+        code = ending.of_check if phase == "check" and ending.of_check is not None else ending.code
+        assert ended.code == code, out
+        assert ending.said in out, out
+        assert "INTERNALERROR" not in out
+        if ending.latched:
+            require_latched(phase, name, bench, workspace, out)
+        elif phase != "check":
+            require_left(name, ending, workspace)
+
+
+def require_latched(phase: str, name: str, bench, workspace, out: str) -> None:
+    """Require that a person has to look at the bench, and can say so; the state of the run is told."""
     run = name_of(phase, workspace, out)
-    seconds_until(lambda: acknowledged(workspace, run), 60.0, "acknowledged")
+    seconds_until(lambda: latches_of(run), 10.0, "a latch")
+    acknowledge(workspace, run)
     assert not latches_of(run)
     if name in NO_SAFER:
         place = ("--source", "simulated", "--served", str(bench.folder))
-        assert workspace.hil("bench", "safe", "battery", *place).code == 0
+        assert hil(workspace, "bench", "safe", "battery", *place).code == 0
     if phase != "check":
-        told = workspace.hil("status", run).out
-        assert re.search(rf"state +{ending.state}\b", told), told
+        require_state(ENDINGS[name].state, workspace, run)
 
 
-def acknowledged(workspace, run) -> bool:
-    """Tell whether a person could acknowledge what happened; a guardian that is at work comes first."""
-    return workspace.hil("ack", run, "--by", "Ada", "--text", "looked at").code == 0
+def require_left(name: str, ending: Ending, workspace) -> None:
+    """Require that nothing is latched, and that what is told of a run that was stopped can be replayed."""
+    run = workspace.folders()[-1].name
+    assert not latches_of(run)
+    require_state(ending.state, workspace, run)
+    if (workspace.root / "on").exists() and name == "ctrl-c":
+        replayed = workspace.hil("replay", run)
+        assert "INTERNALERROR" not in replayed.out + replayed.err
+
+
+def require_state(state: str, workspace, run: str) -> None:
+    """Require what `hil status` calls the run."""
+    told = hil(workspace, "status", run).out
+    assert re.search(rf"state +{state}\b", told), told
