@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
+from hil.audit.accepted import Accepted
 from hil.audit.document import Code, Reason
 from hil.audit.inputs import Asked, Instrument, Package, Register, Result, World
 from hil.audit.ledgered import Ledgered
@@ -31,6 +32,7 @@ class Claim:
     result: Result
     world: World
     ledgered: Ledgered
+    accepted: Accepted = field(default_factory=Accepted)
 
 
 def of_claim(claim: Claim) -> tuple[Reason, ...]:
@@ -127,6 +129,7 @@ def _unit(claim: Claim) -> _Found:
     if dut.part != package.part:
         yield Code.WRONG_DUT, f"{dut.serial} is {dut.part} in the register, and was {package.part} in the run"
     yield from _unit_since(dut, package)
+    yield from claim.accepted.stale(claim.asked.id, package)
 
 
 def _unit_since(dut: Dut, package: Package) -> _Found:

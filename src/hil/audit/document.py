@@ -33,7 +33,8 @@ class Compliance(StrEnum):
 
     YES = "yes"
     PARTIAL = "partial"
-    """Evidence from hardware is good, but not every condition holds; or part of the children are met."""
+    """Evidence from hardware is good, but not every condition holds; or part of the children are met; or a waiver
+    closes it."""
     NO = "no"
 
 
@@ -80,7 +81,7 @@ _MEANINGS = {
     Code.NO_VERDICT: "there is evidence, but its verdict is neither PASS nor RECORDED",
     Code.FAILED: "a FAIL from hardware stands, and nothing newer is good",
     Code.SUPERSEDED_BY_FAIL: "the evidence is good, and a FAIL from hardware came later",
-    Code.OPEN_NCR: "a FAIL from hardware came before the good evidence, and nobody has signed what was done about it",
+    Code.OPEN_NCR: "a nonconformance is open: a report, or a FAIL before the good evidence that nobody signed for",
     Code.NOT_ELIGIBLE: "the run did not meet every condition for closing it",
     Code.SIM_ONLY: "the evidence is not from hardware",
     Code.SUSPECT_REQ: "the meaning of the requirement changed since the evidence was made",
@@ -201,7 +202,9 @@ class Row(msgspec.Struct, frozen=True, kw_only=True):
         reasons: why it is open, all that apply, its own before inherited ones; empty if it is closed.
         on_hardware: what the newest run elsewhere would leave open on hardware; None without such a run, or if the
             requirement is closed.
-        closed_by: the folder of the package that closes it; empty if it is open or closed by its children.
+        closed_by: the folder of the package that closes it; empty if it is open, or closed by its children or a waiver.
+        waiver: the number of the waiver without which it would be open; empty if it needs none.
+        records: what its waivers and its closed nonconformance reports say, a sentence each.
     """
 
     id: str
@@ -223,6 +226,8 @@ class Row(msgspec.Struct, frozen=True, kw_only=True):
     reasons: tuple[Reason, ...] = ()
     on_hardware: OnHardware | None = None
     closed_by: str = ""
+    waiver: str = ""
+    records: tuple[str, ...] = ()
 
     @property
     def closed(self) -> bool:
@@ -254,6 +259,7 @@ class Inputs(msgspec.Struct, frozen=True, kw_only=True):
         catalogue: SHA-256 over the fingerprints of all requirements.
         duts: SHA-256 of the register of devices under test, empty without one.
         instruments: SHA-256 of the register of instruments, empty without one.
+        records: SHA-256 over the nonconformance reports and the waivers, empty without any.
         analysis: SHA-256 over the analysis and the judging of the version that computed it.
         ledger: head of the ledger, empty without one.
         entries: how many entries the ledger has up to that head.
@@ -263,6 +269,7 @@ class Inputs(msgspec.Struct, frozen=True, kw_only=True):
     catalogue: str
     duts: str = ""
     instruments: str = ""
+    records: str = ""
     analysis: str = ""
     ledger: str = ""
     entries: int = 0
@@ -282,6 +289,7 @@ class Summary(msgspec.Struct, frozen=True, kw_only=True):
         elsewhere: how many open requirements have evidence from simulated benches or replays.
         on_hardware: ids of those of them that the same runs on hardware would close.
         left_open: what would keep the others open on hardware, and how many of them.
+        waived: ids of those that are closed by waivers.
     """
 
     requirements: int
@@ -293,6 +301,7 @@ class Summary(msgspec.Struct, frozen=True, kw_only=True):
     elsewhere: int = 0
     on_hardware: tuple[str, ...] = ()
     left_open: Mapping[str, int] = {}
+    waived: tuple[str, ...] = ()
 
 
 class Document(msgspec.Struct, frozen=True, kw_only=True):

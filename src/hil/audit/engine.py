@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
+from hil.audit.accepted import Accepted, accepted
 from hil.audit.conditions import Claim, of_claim
 from hil.audit.document import (
     FORMAT,
@@ -24,10 +25,11 @@ from hil.audit.document import (
     Summary,
 )
 from hil.audit.elsewhere import by_children, on_hardware
-from hil.audit.inputs import Asked, Package, World, catalogue_digest
+from hil.audit.inputs import Approval, Asked, Package, World, catalogue_digest
 from hil.audit.ledgered import Ledgered, ledgered
 from hil.model.identity import Purpose, Source
 from hil.model.verdict import Verdict
+from hil.registers.nonconformances import Waiver
 from hil.requirements.requirement import Kind, Method
 
 __all__ = ["audit"]
@@ -45,6 +47,7 @@ def audit(world: World) -> Document:
     book = replace(
         ledgered(world.entries, world.packages, world.policy, world.head), damage="".join(world.problems[:1])
     )
+    filed = accepted(world)
     packages = sorted(world.packages, key=book.place_of)
     children = _children(asked)
     by_requirement: dict[str, list[Package]] = defaultdict(list)
@@ -55,11 +58,20 @@ def audit(world: World) -> Document:
     rows: dict[str, Row] = {}
     for identifier in _from_below(asked, children):
         claims = tuple(
-            Claim(asked=asked[identifier], package=each, result=each.results[identifier], world=world, ledgered=book)
+            Claim(
+                asked=asked[identifier],
+                package=each,
+                result=each.results[identifier],
+                world=world,
+                ledgered=book,
+                accepted=filed,
+            )
             for each in by_requirement[identifier]
         )
         below = [rows[child] for child in children[identifier]]
-        rows[identifier] = _row(asked[identifier], claims, below, book, planned(identifier))
+        rows[identifier] = _row(
+            asked[identifier], claims, below, _Judging(book=book, filed=filed, world=world), planned(identifier)
+        )
     ordered = tuple(rows[identifier] for identifier in asked)
     gaps = tuple(sorted(_gaps(ordered, packages, world)))
     return Document(
@@ -71,6 +83,7 @@ def audit(world: World) -> Document:
             catalogue=catalogue_digest(world.asked),
             duts=world.register.sha256.get("units", ""),
             instruments=world.register.sha256.get("instruments", ""),
+            records=filed.sha256,
             analysis=world.analysis,
             ledger=world.head,
             entries=len(world.entries),
@@ -122,15 +135,27 @@ class _Planned:
         return cases if cases or (self._known and self._all_told) else None
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Judging:
+    """What every row is judged by."""
+
+    book: Ledgered
+    filed: Accepted
+    world: World
+
+
 def _row(
-    asked: Asked, claims: Sequence[Claim], below: Sequence[Row], book: Ledgered, planned: tuple[str, ...] | None
+    asked: Asked, claims: Sequence[Claim], below: Sequence[Row], by: _Judging, planned: tuple[str, ...] | None
 ) -> Row:
     evidence = tuple(map(_evidence, claims))
     by_itself = asked.kind != Kind.PARENT
-    own = against = tuple(_against(asked, claims, evidence, book)) if by_itself else ()
+    waived = by.filed.waiver_of(asked, by.world) if by_itself else None
+    own = against = tuple(_against(asked, claims, evidence, by, waived)) if by_itself else ()
     inherited = tuple(_inherited(below))
     closing = next((each for each in reversed(evidence) if each.closes), None)
-    if by_itself and closing is None:
+    if waived and closing and not _is_needed(waived, claims, by):
+        waived = None
+    if by_itself and closing is None and waived is None:
         own += tuple(reason for each in evidence for reason in each.reasons)
     if not by_itself and not below:
         own += (Reason(code=Code.NO_CHILDREN, text="it is met by the requirements below it, and there are none"),)
@@ -157,11 +182,13 @@ def _row(
             plan=asked.plan, document=asked.document, issue=asked.issue, place=asked.place, cases=still or planned or ()
         ),
         evidence=evidence,
-        compliance=_compliance(reasons, evidence, below, by_itself=by_itself),
+        compliance=_compliance(reasons, evidence, below, by_itself=by_itself, waived=waived is not None),
         close_out=CloseOut.OPEN if reasons else CloseOut.CLOSED,
         reasons=reasons,
         on_hardware=would if reasons else None,
         closed_by=closing.package if closing and not reasons else "",
+        waiver=waived[0].id if waived and not reasons else "",
+        records=tuple(by.filed.told(asked, by.world)),
     )
 
 
@@ -184,13 +211,38 @@ def _evidence(claim: Claim) -> Evidence:
     )
 
 
-def _against(asked: Asked, claims: Sequence[Claim], evidence: Sequence[Evidence], book: Ledgered) -> Iterator[Reason]:
+def _is_needed(waived: tuple[Waiver, Approval], claims: Sequence[Claim], by: _Judging) -> bool:
+    """Return whether a FAIL would keep a requirement open without its waiver."""
+    return any(
+        counts_as_fail(claim)
+        and not _disposed(claim, by)
+        and by.filed.covers(waived, claim.package, by.book.seal_of(claim.package))
+        for claim in claims
+    )
+
+
+def _disposed(claim: Claim, by: _Judging) -> bool:
+    """Return whether somebody has approved what was done about a FAIL."""
+    package = claim.package
+    return by.book.disposed(package) or by.filed.disposed(claim.asked.id, package, by.book.seal_of(package))
+
+
+def _against(
+    asked: Asked,
+    claims: Sequence[Claim],
+    evidence: Sequence[Evidence],
+    by: _Judging,
+    waived: tuple[Waiver, Approval] | None,
+) -> Iterator[Reason]:
     """Give what keeps a requirement open whatever else there is, so that no evidence can be left out to close it."""
-    if not claims:
+    book = by.book
+    yield from by.filed.open_reports(asked.id)
+    if not claims and waived is None:
         yield Reason(code=Code.NO_EVIDENCE, text=_no_evidence(asked))
     good = [place for place, each in enumerate(evidence) if Verdict(each.verdict).good and each.source in _HARDWARE]
     for place, claim in enumerate(claims):
-        if counts_as_fail(claim) and not book.disposed(claim.package):
+        covered = by.filed.covers(waived, claim.package, book.seal_of(claim.package))
+        if counts_as_fail(claim) and not covered and not _disposed(claim, by):
             yield _fail(claim, later=bool(good) and place > good[0], earlier=bool(good) and place < good[-1])
         if _doubtful(claim) and claim.package.problem:
             yield Reason(code=Code.INTEGRITY, text=claim.package.problem, package=claim.package.folder)
@@ -250,10 +302,11 @@ def _in_order(reasons: Iterable[Reason]) -> list[Reason]:
 
 
 def _compliance(
-    reasons: Sequence[Reason], evidence: Sequence[Evidence], below: Sequence[Row], *, by_itself: bool
+    reasons: Sequence[Reason], evidence: Sequence[Evidence], below: Sequence[Row], *, by_itself: bool, waived: bool
 ) -> Compliance:
     if not reasons:
-        return Compliance.YES
+        met = not waived and all(row.compliance is Compliance.YES for row in below)
+        return Compliance.YES if met else Compliance.PARTIAL
     if any(reason.code in _FAILS for reason in reasons):
         return Compliance.NO
     own = any(Verdict(each.verdict).good and each.source == Source.HARDWARE for each in evidence)
@@ -296,6 +349,7 @@ def _summary(rows: Sequence[Row], gaps: Sequence[Gap]) -> Summary:
         elsewhere=len(elsewhere),
         on_hardware=tuple(row.id for row, would in elsewhere if not would.reasons),
         left_open=_left_open(would for _, would in elsewhere),
+        waived=tuple(row.id for row in rows if row.waiver),
     )
 
 

@@ -11,9 +11,21 @@ import msgspec
 from hil.evidence.ledger.entries import Entry
 from hil.model.identity import Dut
 from hil.registers.instruments import RegisteredInstrument
+from hil.registers.nonconformances import Nonconformance, Records
 from hil.requirements.carried import CarryingCase
 
-__all__ = ["Asked", "Instrument", "Package", "Policy", "Register", "Result", "World", "catalogue_digest"]
+__all__ = [
+    "Approval",
+    "Asked",
+    "Filed",
+    "Instrument",
+    "Package",
+    "Policy",
+    "Register",
+    "Result",
+    "World",
+    "catalogue_digest",
+]
 
 
 class Asked(msgspec.Struct, frozen=True, kw_only=True):
@@ -173,6 +185,42 @@ class Register:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Approval:
+    """A valid approval of a nonconformance report or a waiver.
+
+    Attributes:
+        record: the number of the report or the waiver.
+        sha256: SHA-256 of the content that was approved.
+        role: the role in which it was approved.
+        principal: who approved it.
+        utc: when it was entered in the ledger.
+        seq: the number of its entry there.
+    """
+
+    record: str
+    sha256: str
+    role: str
+    principal: str
+    utc: str
+    seq: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Filed:
+    """The nonconformance reports and waivers of the workspace.
+
+    Attributes:
+        registers: as they are.
+        earlier: every report that the ledger has, as often as it has changed; what was reported stays so.
+        approvals: the valid approvals, the oldest first.
+    """
+
+    registers: Records = field(default_factory=Records)
+    earlier: tuple[Nonconformance, ...] = ()
+    approvals: tuple[Approval, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Policy:
     """What the workspace asks for beyond the seal.
 
@@ -210,6 +258,7 @@ class World:
         head: its head.
         problems: what is wrong with the ledger, a sentence each.
         policy: what the workspace asks for beyond the seal.
+        filed: its nonconformance reports and waivers.
         analysis: SHA-256 over the analysis and the judging of now.
         date: the day on which it is asked, ISO 8601; ages are counted up to it.
         as_of: the day at whose end the state is told, empty for now.
@@ -225,6 +274,7 @@ class World:
     head: str = ""
     problems: tuple[str, ...] = ()
     policy: Policy = field(default_factory=Policy)
+    filed: Filed = field(default_factory=Filed)
     analysis: str = ""
     date: str = ""
     as_of: str = ""

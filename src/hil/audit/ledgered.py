@@ -43,6 +43,11 @@ class Ledgered:
     missing: tuple[Missing, ...] = ()
     replays: dict[tuple[str, str], Replayed] = field(default_factory=dict)
 
+    def seal_of(self, package: Package) -> Sealed | None:
+        """Return the seal of a package; None if the ledger does not have it with this content."""
+        found = self.seals.get(package.run) or self.seals.get(package.folder)
+        return found if found and found.evidence == package.digest else None
+
     def evidence_of(self, package: Package) -> str:
         """Return the evidence digest with which a package was sealed, empty if the ledger does not have its run."""
         found = self.seals.get(package.run) or self.seals.get(package.folder)

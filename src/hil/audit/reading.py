@@ -3,27 +3,38 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import msgspec
 
 from hil.audit.cache import Cache
-from hil.audit.inputs import Asked, Package, Policy, Register, World
+from hil.audit.inputs import Approval, Asked, Filed, Package, Policy, Register, World
 from hil.audit.packages import read_packages
-from hil.audit.recorded import encoded
+from hil.audit.recorded import encoded, reports_ever
 from hil.clock import wall
 from hil.documents.findings import Findings, shown
+from hil.documents.suggest import did_you_mean
 from hil.evidence.folder import JOURNAL
 from hil.evidence.journal.reader import read_journal
 from hil.evidence.ledger.approvals import Subject, said_of
 from hil.evidence.ledger.book import Ledger, read
 from hil.evidence.ledger.entries import Approved, Entry, Head, Sealed, Signed
 from hil.evidence.ledger.heads import require_uncut
+from hil.evidence.package.verification import verify
 from hil.evidence.results.judging_code import judging_digest
-from hil.model.errors import HilError
+from hil.model.errors import HilError, Refused
 from hil.registers.instruments import INSTRUMENTS, load_instruments
+from hil.registers.nonconformances import (
+    NONCONFORMANCES,
+    WAIVERS,
+    Nonconformance,
+    Record,
+    Records,
+    Waiver,
+    load_records,
+)
 from hil.registers.signers import Signers, load_signers
 from hil.registers.units import DUTS, load_duts
 from hil.requirements.carried import carrying_cases
@@ -32,7 +43,7 @@ from hil.requirements.lock import LOCK
 from hil.requirements.requirement import Document, Requirement
 from hil.requirements.schema import REQUIREMENTS
 
-__all__ = ["Folders", "asked_of", "read_catalogue", "read_register", "read_world"]
+__all__ = ["Folders", "asked_of", "read_catalogue", "read_register", "read_world", "record_subject"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,13 +82,17 @@ def read_world(
         EvidenceError: if the ledger or the reports cannot be read, or two packages contradict each other.
     """
     ledger, date = read(folders.reports), wall.utc_now()[:10]
+    signers = load_signers(folders.fixtures)
     packages = tuple(_compared(folders.reports, ledger, read_packages(folders.reports, cache)))
+    asked = cache.requirements(_contents(folders, locked=locked), lambda: read_catalogue(folders, locked=locked))
+    register = read_register(folders)
     return World(
-        asked=cache.requirements(_contents(folders, locked=locked), lambda: read_catalogue(folders, locked=locked)),
+        asked=asked,
         packages=packages,
         cases=carrying_cases(folders.root, _plans(folders)),
-        policy=_policy(ledger, packages, load_signers(folders.fixtures)).until(date),
-        register=read_register(folders),
+        policy=_policy(ledger, packages, signers).until(date),
+        filed=_filed(folders, ledger, packages, signers, _read_records(folders, asked, register)),
+        register=register,
         entries=ledger.entries,
         head=ledger.head if ledger.hashes else "",
         problems=tuple(map(str, (*ledger.findings, *ledger.lacks(published_head)))),
@@ -119,6 +134,79 @@ def _policy(ledger: Ledger, packages: Iterable[Package], signers: Signers) -> Po
                 role = each.entry.role if isinstance(each.entry, Approved) else ""
                 found += [] if each.problem else [(each.entry.utc, package.digest, role)]
     return Policy(signatures=signers.required.signature, approvals=signers.required.approvals, said=tuple(found))
+
+
+def _read_records(folders: Folders, asked: Iterable[Asked], register: Register) -> Records:
+    findings = Findings()
+    kinds = {each.id: each.kind for each in asked}
+    found = load_records(folders.fixtures, findings, requirements=kinds, duts=register.duts)
+    findings.raise_if_any()
+    return found
+
+
+def _filed(
+    folders: Folders, ledger: Ledger, packages: Iterable[Package], signers: Signers, registers: Records
+) -> Filed:
+    """Return reports and waivers with every approval of their contents that counts."""
+    operators = {name: package.operator for package in packages for name in (package.run, package.folder)}
+    approvals: list[Approval] = []
+    every: tuple[Nonconformance | Waiver, ...] = (*registers.nonconformances.values(), *registers.waivers.values())
+    for item in every:
+        for each in said_of(ledger, _subject(item, operators), signers):
+            if isinstance(each.entry, Approved) and not each.problem:
+                it = each.entry
+                approvals.append(
+                    Approval(
+                        record=it.run, sha256=it.evidence, role=it.role, principal=it.principal, utc=it.utc, seq=it.seq
+                    )
+                )
+    return Filed(registers=registers, earlier=reports_ever(folders.reports, ledger.entries), approvals=tuple(approvals))
+
+
+def record_subject(folders: Folders, number: str) -> Subject:
+    """Return what is approved of a report or a waiver of the workspace.
+
+    Raises:
+        ConfigurationError: with everything that is wrong in catalogue and registers.
+        Refused: if there is none of that number, or its approval would close nothing.
+    """
+    asked = read_catalogue(folders)
+    found = _read_records(folders, asked, read_register(folders))
+    item = found.find(number)
+    if item is None:
+        known = (*found.nonconformances, *found.waivers)
+        raise Refused(
+            f"there is no report or waiver '{number}'{did_you_mean(number, known)}",
+            f"there are: {', '.join(known) or 'none'}, in {folders.fixtures.name}/{NONCONFORMANCES} and {WAIVERS}",
+        )
+    if isinstance(item, Waiver):
+        _require_present(item, next(each for each in asked if each.id == item.requirement))
+        return _subject(item, {})
+    if not item.complete:
+        raise Refused(f"{number} is not complete: it cannot be approved", "give its disposition, and what was done")
+    folder = folders.reports / item.run
+    return _subject(item, {item.run: verify(folder).operator} if item.run and folder.is_dir() else {})
+
+
+def _require_present(waiver: Waiver, asked: Asked) -> None:
+    if (waiver.rev, waiver.fingerprint) != (asked.rev, asked.fingerprint):
+        raise Refused(
+            f"{waiver.id} is for rev {waiver.rev} of {asked.id}, which is now rev {asked.rev}, or has another meaning",
+            f"if it holds for the present one, give it rev: {asked.rev} and fingerprint: {asked.fingerprint}",
+        )
+
+
+def _subject(item: Nonconformance | Waiver, operators: Mapping[str, str]) -> Subject:
+    """Return what is approved of a report or a waiver; the operator of the run that it speaks of cannot approve it.
+
+    Args:
+        item: the report or the waiver.
+        operators: who ran what, by the names of runs.
+    """
+    record = Record(of=item)
+    run = item.run if isinstance(item, Nonconformance) else ""
+    others = (operators[run],) if operators.get(run) else ()
+    return Subject(run=item.id, evidence=record.sha256, operator=item.by, content=record.content, others=others)
 
 
 def read_catalogue(folders: Folders, *, locked: bool = True) -> tuple[Asked, ...]:

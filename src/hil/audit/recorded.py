@@ -10,16 +10,18 @@ from typing import Generic, TypeVar
 import msgspec
 
 from hil.audit.document import Document, Row
-from hil.audit.inputs import Asked, Register, World
+from hil.audit.inputs import Asked, Filed, Register, World
 from hil.evidence.ledger.book import append_all, put_object, read_object
-from hil.evidence.ledger.entries import Baseline, Entry, Reason, Sealed, Status
+from hil.evidence.ledger.entries import Approved, Baseline, Entry, Reason, Sealed, Status
 from hil.model.errors import EvidenceError, Refused
 from hil.model.identity import Dut
 from hil.registers.instruments import RegisteredInstrument
+from hil.registers.nonconformances import Nonconformance, Records, Waiver
 
-__all__ = ["ANALYSIS", "CATALOGUE", "INSTRUMENTS", "UNITS", "baseline", "encoded", "past", "record"]
+__all__ = ["ANALYSIS", "CATALOGUE", "INSTRUMENTS", "UNITS", "baseline", "encoded", "past", "record", "reports_ever"]
 
 ANALYSIS, CATALOGUE, UNITS, INSTRUMENTS = "analysis", "catalogue", "units", "instruments"
+_REPORTS, _WAIVERS = "nonconformances", "waivers"
 """The subjects of baselines."""
 
 _Item = TypeVar("_Item")
@@ -59,7 +61,11 @@ def record(reports: Path, world: World, document: Document) -> tuple[int, int]:
         (UNITS, list(world.register.duts.values())),
         (INSTRUMENTS, list(world.register.instruments.values())),
         (ANALYSIS, [world.analysis]),
+        (_REPORTS, list(world.filed.registers.nonconformances.values())),
+        (_WAIVERS, list(world.filed.registers.waivers.values())),
     ):
+        if not items and subject in {_REPORTS, _WAIVERS} and subject not in entered:
+            continue
         name = put_object(reports, encoded(subject, items))
         if entered.get(subject) != name:
             baselines.append(Baseline(subject=subject, object=name))
@@ -133,11 +139,40 @@ def past(world: World, reports: Path, day: str) -> World:
         register=register,
         entries=entries,
         policy=world.policy.until(day),
+        filed=_filed(world.filed, reports, entries, day),
         analysis=analysis[-1] if analysis else world.analysis,
         head=_head(entries, world),
         as_of=day,
         date=day,
     )
+
+
+def _filed(now: Filed, reports: Path, entries: Sequence[Entry], day: str) -> Filed:
+    found = baseline(reports, entries, _REPORTS, Nonconformance) or ()
+    waivers = baseline(reports, entries, _WAIVERS, Waiver) or ()
+    return Filed(
+        registers=Records(
+            nonconformances={each.id: each for each in found}, waivers={each.id: each for each in waivers}
+        ),
+        earlier=reports_ever(reports, entries),
+        approvals=tuple(each for each in now.approvals if each.utc[:10] <= day),
+    )
+
+
+def reports_ever(reports: Path, entries: Sequence[Entry]) -> tuple[Nonconformance, ...]:
+    """Return every nonconformance report that was ever entered or approved, once for each content.
+
+    Raises:
+        EvidenceError: if an object of the ledger is missing or was changed.
+    """
+    names = dict.fromkeys(each.object for each in entries if isinstance(each, Baseline) and each.subject == _REPORTS)
+    found = [each for name in names for each in _decoded(reports, name, _REPORTS, Nonconformance)]
+    found += [
+        msgspec.json.decode(read_object(reports, each.evidence), type=Nonconformance)
+        for each in entries
+        if isinstance(each, Approved) and each.run.startswith("NCR-")
+    ]
+    return tuple(dict.fromkeys(found))
 
 
 def _head(entries: Sequence[Entry], world: World) -> str:
@@ -153,10 +188,12 @@ def baseline(reports: Path, entries: Sequence[Entry], subject: str, kind: type[_
         EvidenceError: if its object is missing, was changed, or cannot be read.
     """
     names = [each.object for each in entries if isinstance(each, Baseline) and each.subject == subject]
-    if not names:
-        return None
+    return _decoded(reports, names[-1], subject, kind) if names else None
+
+
+def _decoded(reports: Path, name: str, subject: str, kind: type[_Item]) -> tuple[_Item, ...]:
     try:
-        found = msgspec.json.decode(read_object(reports, names[-1]), type=_Recorded[kind])  # type: ignore[valid-type]
+        found = msgspec.json.decode(read_object(reports, name), type=_Recorded[kind])  # type: ignore[valid-type]
     except msgspec.MsgspecError as error:
         raise EvidenceError(
             f"the {subject} that the ledger names cannot be read: {error}", "it was written by another version of hil"

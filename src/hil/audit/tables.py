@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 import msgspec
 
@@ -26,9 +26,11 @@ COLUMNS = (
     "close-out",
     "reasons",
     "on hardware",
+    "records",
 )
-"""The columns of the table; traceability, and level and stage, have two each. The last one
-says what would keep the requirement open if its newest simulated run were made on hardware."""
+"""The columns of the table; traceability, and level and stage, have two each. The last two
+say what would keep the requirement open if its newest simulated run were made on hardware, and
+what its waivers and nonconformance reports say."""
 
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")
 """How a cell begins that a spreadsheet would compute."""
@@ -64,9 +66,17 @@ def _cells(row: Row) -> tuple[str, ...]:
         _lines(f"{each.date[:10]} {each.verdict} {each.package} {each.digest}".strip() for each in row.evidence),
         row.compliance,
         row.close_out,
-        _lines(f"{each.code}: {each.text}" + (f" ({each.package})" if each.package else "") for each in row.reasons),
+        _lines(_reasons(row)),
         _on_hardware(row),
+        _lines(row.records),
     )
+
+
+def _reasons(row: Row) -> Iterator[str]:
+    if row.waiver:
+        yield f"closed by waiver {row.waiver}"
+    for each in row.reasons:
+        yield f"{each.code}: {each.text}" + (f" ({each.package})" if each.package else "")
 
 
 def _on_hardware(row: Row) -> str:

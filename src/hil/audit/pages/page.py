@@ -125,6 +125,8 @@ def _summary(document: Document) -> Iterator[str]:
         '<ul class="tally">'
     )
     yield f"<li><b>{summary.open:,}</b> open</li>"
+    if summary.waived:
+        yield f'<li class="open"><b>{len(summary.waived):,}</b> closed by waivers</li>'
     for each in Compliance:
         count = summary.compliance.get(each.value, 0)
         yield f'<li class="{_TONES[each]}"><b>{count:,}</b> compliance {each.value}</li>'
@@ -263,9 +265,7 @@ class _Rows:
 
     def _reasons(self, row: Row) -> str:
         if not row.reasons:
-            return (
-                "closed by the requirements below it" if row.closed and not row.closed_by else "every condition holds"
-            )
+            return f"{_closed_how(row)}{_records(row)}"
         groups: dict[tuple[str, Code], list[str]] = {}
         for reason in row.reasons:
             groups.setdefault((reason.package, reason.code), []).append(self._told(reason))
@@ -275,7 +275,7 @@ class _Rows:
                 lines.append(f'<li class="of">{self._package(package)}</li>')
             last = package
             lines.append(f'<li><span class="code">{code.value}</span> {"; ".join(_alike(told))}</li>')
-        return f"<ul>{''.join(lines)}</ul>{_on_hardware(row.on_hardware)}"
+        return f"<ul>{''.join(lines)}</ul>{_records(row)}{_on_hardware(row.on_hardware)}"
 
     def _told(self, reason: Reason) -> str:
         told = _text(reason.text)
@@ -295,6 +295,18 @@ class _Rows:
 
 _IS_OPEN = " is open: "
 _MISSING = '<span class="missing">none</span>'
+
+
+def _closed_how(row: Row) -> str:
+    if row.waiver:
+        return f'<b class="open">closed by waiver {_text(row.waiver)}</b>'
+    return "every condition holds" if row.closed_by else "closed by the requirements below it"
+
+
+def _records(row: Row) -> str:
+    """Return what waivers and closed nonconformance reports say, a line each."""
+    lines = "".join(f"<li>{_text(each)}</li>" for each in row.records)
+    return f'<ul class="soft">{lines}</ul>' if lines else ""
 
 
 def _on_hardware(would: OnHardware | None) -> str:
@@ -365,6 +377,7 @@ def _inputs(document: Document) -> Iterator[str]:
         ("Catalogue, SHA-256", inputs.catalogue),
         ("Register of units, SHA-256", inputs.duts),
         ("Register of instruments, SHA-256", inputs.instruments),
+        ("Waivers and nonconformance reports, SHA-256", inputs.records),
         ("Analysis, SHA-256", inputs.analysis),
         ("Head of the ledger", ledger),
         ("Packages", f"{len(inputs.packages):,}"),

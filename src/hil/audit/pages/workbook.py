@@ -50,6 +50,7 @@ _EVIDENCE = (
     ("Reasons", 60),
 )
 _ON_HARDWARE = (("Requirement", 18), ("Package", 46), ("Would be", 10), ("Reasons", 80))
+_RECORDS = (("Requirement", 18), ("Waiver or nonconformance", 100))
 _GAPS = (("Gap", 32), ("Name", 50), ("Where", 60))
 
 _Cells = Iterable[str | int]
@@ -68,6 +69,7 @@ def as_xlsx(document: Document) -> bytes:
     sheets.add("Requirements", _REQUIREMENTS, map(_requirement, document.rows))
     sheets.add("Evidence", _EVIDENCE, (cells for row in document.rows for cells in _evidence(row)))
     sheets.add("On hardware", _ON_HARDWARE, (cells for row in document.rows for cells in _on_hardware(row)))
+    sheets.add("Records", _RECORDS, ((row.id, each) for row in document.rows for each in row.records))
     sheets.add("Gaps", _GAPS, ((gap.kind.value, gap.name, gap.where) for gap in document.gaps))
     book.close()
     return written.getvalue()
@@ -118,12 +120,14 @@ def _summary(document: Document) -> Iterator[_Cells]:
     yield "Requirements", summary.requirements
     yield "Closed", summary.closed
     yield "Open", summary.open
+    yield "Closed by waivers", ", ".join(summary.waived)
     for title, counts in (("Compliance", summary.compliance), ("Open for", summary.reasons), ("Gaps", summary.gaps)):
         yield from ((f"{title}: {name}", count) for name, count in sorted(counts.items()))
     yield from (("Not usable", problem) for problem in document.problems)
     yield "Catalogue, SHA-256", inputs.catalogue
     yield "Register of units, SHA-256", inputs.duts
     yield "Register of instruments, SHA-256", inputs.instruments
+    yield "Waivers and nonconformance reports, SHA-256", inputs.records
     yield "Analysis, SHA-256", inputs.analysis
     yield "Head of the ledger", inputs.ledger
     yield "Packages", len(inputs.packages)
@@ -145,7 +149,13 @@ def _requirement(row: Row) -> _Cells:
         row.compliance.value,
         row.close_out.value,
         _lines(
-            f"{each.code.value}: {each.text}{f', from {each.origin}' if each.origin else ''}" for each in row.reasons
+            (
+                f"closed by waiver {row.waiver}" if row.waiver else "",
+                *(
+                    f"{each.code.value}: {each.text}{f', from {each.origin}' if each.origin else ''}"
+                    for each in row.reasons
+                ),
+            )
         ),
     )
 

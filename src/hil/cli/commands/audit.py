@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from hil.audit.inputs import World
     from hil.audit.reading import Folders
 
-__all__ = ["command"]
+__all__ = ["command", "workspace_folders"]
 
 _FORMATS = ("csv", "html", "json", "xlsx")
 _MOST = 10
@@ -85,7 +85,7 @@ def command(
     if head is not None:
         require_head(head)
     _require_sense(as_of=as_of, supposed=supposed, record=record, formats=formats, output=output)
-    folders = _folders()
+    folders = workspace_folders()
     cache = Cache(None if no_cache or record else cache_folder(), product_key())
     world = read_world(folders, cache, version=metadata.version("hil"), locked=supposed is None, published_head=head)
     if as_of:
@@ -125,7 +125,8 @@ def _require_sense(
         raise Refused(f"{len(formats)} formats cannot go to standard output together", "add --output DIR")
 
 
-def _folders() -> Folders:
+def workspace_folders() -> Folders:
+    """Return the folders of the workspace that holds the present folder."""
     from hil.audit.reading import Folders  # noqa: PLC0415 - heavy
 
     found = find_workspace(Path.cwd())
@@ -204,6 +205,8 @@ def _lines(document: Document) -> Iterator[str]:
     asked = _counted(summary.requirements, "requirement")
     yield f"{document.workspace}{day}: {asked}, {summary.closed} closed, {summary.open} open"
     yield "compliance: " + ", ".join(f"{count} {word}" for word, count in summary.compliance.items())
+    if summary.waived:
+        yield f"closed by waivers: {_some(summary.waived)}"
     if summary.reasons:
         yield "open because"
         rows = [(str(count), code, Code(code).meaning) for code, count in summary.reasons.items()]

@@ -1,4 +1,4 @@
-"""Signatures and approvals of packages: how they are entered, and which of them count."""
+"""Signatures and approvals of packages and of records beside them: how they are entered, and which of them count."""
 
 from __future__ import annotations
 
@@ -24,17 +24,21 @@ _LONGEST = 500
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Subject:
-    """The package that is signed, as its verification found it.
+    """What is signed: a package as its verification found it, or a record such as a waiver.
 
     Attributes:
-        run: the name of the run.
-        evidence: its evidence digest.
-        operator: who ran it, as the run recorded it.
+        run: the name of the run, or the number of the record.
+        evidence: the package's evidence digest, or the SHA-256 of the record's content.
+        operator: who ran it, as the run recorded it, or who wrote the record.
+        content: the content of a record, which has no seal; empty for a package.
+        others: who else may not approve a record: the operators of the runs that it speaks of.
     """
 
     run: str
     evidence: str
     operator: str
+    content: bytes = b""
+    others: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -137,6 +141,8 @@ def _enter(
     if problem := problem_of(statement, file, utc=statement.utc, fixtures=signers.folder):
         raise _would_not_count(subject, problem)
     _enter_baseline(reports, signers)
+    if subject.content:
+        put_object(reports, subject.content)
     run, evidence = subject.run, subject.evidence
     entry: Signed | Approved = Signed(run=run, evidence=evidence, principal=principal, statement=said, signature=signed)
     if role:
@@ -158,7 +164,21 @@ def _enter(
 
 
 def _statement(ledger: Ledger, subject: Subject, principal: str, role: str, meaning: str) -> Statement:
-    """Return what is signed of a package whose seal the ledger has."""
+    """Return what is signed: of a package whose seal the ledger has, or of a record."""
+    if subject.content:
+        return Statement(
+            format=1,
+            namespace=APPROVAL,
+            run=subject.run,
+            evidence=subject.evidence,
+            content=subject.evidence,
+            verdict="",
+            source="",
+            principal=principal,
+            role=role,
+            meaning=meaning,
+            utc=wall.utc_now(),
+        )
     sealed = next((each for each in ledger.of(Sealed, subject.run) if each.evidence == subject.evidence), None)
     if sealed is None:
         raise Refused(f"{subject.run}: the ledger has no seal of it", f"enter it first: hil seal {subject.run}")
@@ -203,7 +223,8 @@ def _problem(ledger: Ledger, entry: Signed | Approved, subject: Subject, signers
     role, meaning = (entry.role, entry.meaning) if isinstance(entry, Approved) else ("", "")
     namespace = APPROVAL if isinstance(entry, Approved) else PACKAGE
     if (statement.run, statement.evidence) != (subject.run, subject.evidence):
-        return f"it signs another package: {statement.run}, evidence digest {statement.evidence}"
+        what, digest = ("content", "SHA-256") if subject.content else ("package", "evidence digest")
+        return f"it signs another {what}: {statement.run}, {digest} {statement.evidence}"
     said = (statement.format, statement.namespace, statement.principal, statement.role, statement.meaning)
     if said != (1, namespace, entry.principal, role, meaning) or entry.evidence != subject.evidence:
         return "its statement says something else than the ledger's entry"
@@ -224,14 +245,17 @@ def _not_entitled(subject: Subject, signers: Signers, principal: str, role: str,
     if not person.holds(role, utc[:10]):
         held = ", ".join(f"{each.role} {each.since} to {each.until or 'now'}" for each in person.roles)
         return f"{principal} does not hold the role {role} on {utc[:10]}, but {held or 'none'}"
-    author = signers.called(subject.operator)
-    if author is None:
-        return (
-            f"nobody can tell whether {principal} is somebody else than the operator: "
-            f"fixtures/{SIGNERS} has nobody called '{subject.operator}'"
-        )
-    if author is person or principal in authors:
-        return f"{principal} is the author of the package: somebody else must approve it"
+    who, what = ("author", subject.run) if subject.content else ("operator", "the package")
+    for name in (subject.operator, *subject.others):
+        author = signers.called(name)
+        if author is None:
+            return (
+                f"nobody can tell whether {principal} is somebody else than the {who}: "
+                f"fixtures/{SIGNERS} has nobody called '{name}'"
+            )
+        if author is person or principal in authors:
+            return f"{principal} is the author of {what}: somebody else must approve it"
+        who = "operator"
     return ""
 
 

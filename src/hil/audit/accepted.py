@@ -1,0 +1,209 @@
+"""Nonconformance reports and waivers in an audit: which of them count, what they close, and what they keep open."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from hil.audit.document import Code, Reason
+from hil.audit.inputs import Approval, Asked, Package, World
+from hil.evidence.ledger.entries import Sealed
+from hil.registers.nonconformances import Disposition, Nonconformance, Record, UnitName, Waiver
+
+__all__ = ["DISPOSES", "WAIVES", "Accepted", "accepted"]
+
+DISPOSES, WAIVES = "nonconformance", "waiver"
+"""The roles in which a report and a waiver are approved."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Report:
+    """A report with every scope that it ever had, and who approved its present content."""
+
+    now: Nonconformance | None
+    versions: tuple[Nonconformance, ...]
+    approval: Approval | None
+
+    @property
+    def number(self) -> str:
+        return self.versions[-1].id
+
+    @property
+    def closed(self) -> bool:
+        return self.now is not None and self.now.complete and self.approval is not None
+
+    def names(self, requirement: str) -> bool:
+        """Return whether any version named a requirement: what was named once is not got rid of by an edit."""
+        return any(requirement in each.requirements for each in self.versions)
+
+    def why_open(self) -> str:
+        told = f'{self.number} "{self.versions[-1].title}"'
+        if self.now is None:
+            return f"{told} is no longer in the register, and was never closed there"
+        if self.now.disposition is None:
+            return f"{told} is open: nobody has decided what becomes of {_units(self.now.units)}"
+        if not self.now.complete:
+            return f"{told} is open: {self.now.disposition} is decided, and not done"
+        return f"{told} is open: {self.now.disposition} is not approved as it is now by anybody but its author"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Waived:
+    """A waiver and who approved its present content."""
+
+    waiver: Waiver
+    approval: Approval | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Accepted:
+    """Every report and waiver, by what an audit asks of them.
+
+    Attributes:
+        reports: every report that there is or was, in the order of their numbers.
+        waivers: the waivers by requirement.
+        date: the day on which it is asked, ISO 8601.
+        sha256: SHA-256 over their contents, empty if there are none.
+    """
+
+    reports: tuple[_Report, ...] = ()
+    waivers: Mapping[str, tuple[_Waived, ...]] = field(default_factory=dict)
+    date: str = ""
+    sha256: str = ""
+
+    def open_reports(self, requirement: str) -> Iterator[Reason]:
+        """Give a reason for every report on a requirement that is not closed."""
+        for report in self.reports:
+            if report.names(requirement) and not report.closed:
+                yield Reason(code=Code.OPEN_NCR, text=report.why_open())
+
+    def disposed(self, requirement: str, package: Package, seal: Sealed | None) -> bool:
+        """Return whether a closed report speaks of a FAIL in a package, and the unit conforms since or is gone.
+
+        Args:
+            requirement: what failed.
+            package: the run that failed.
+            seal: its seal in the ledger; what was approved before it cannot speak of it.
+        """
+        return any(
+            report.now.disposition is not Disposition.USE_AS_IS
+            and report.now.run in {package.run, package.folder}
+            and _comes_after(report.approval, seal)
+            for report in self._closed(requirement, package)
+            if report.now and report.now.run
+        )
+
+    def stale(self, requirement: str, package: Package) -> Iterator[tuple[Code, str]]:
+        """Say why evidence of a unit does not count any more, after what was done about a nonconformance of it."""
+        for report in self._closed(requirement, package):
+            now = report.now
+            if now is None or now.action is None or now.disposition is Disposition.USE_AS_IS:
+                continue
+            if now.disposition is Disposition.SCRAP:
+                yield Code.STALE_DUT, f"{package.serial} was scrapped by {now.id}"
+            elif package.began[:10] <= now.action.date:
+                told = f"{package.serial}: {now.disposition} by {now.id}, complete on {now.action.date}"
+                yield Code.STALE_DUT, f"{told}: evidence from before has to be obtained again"
+
+    def _closed(self, requirement: str, package: Package) -> Iterator[_Report]:
+        unit = UnitName(part=package.part, serial=package.serial)
+        for report in self.reports:
+            if report.closed and report.now and requirement in report.now.requirements and unit in report.now.units:
+                yield report
+
+    def waiver_of(self, asked: Asked, world: World) -> tuple[Waiver, Approval] | None:
+        """Return the waiver that closes a requirement, and its approval; None if there is none that counts."""
+        for each in self.waivers.get(asked.id, ()):
+            if each.approval is not None and not self._void(each, asked, world):
+                return each.waiver, each.approval
+        return None
+
+    @staticmethod
+    def covers(found: tuple[Waiver, Approval] | None, package: Package, seal: Sealed | None) -> bool:
+        """Return whether a waiver speaks of a package: of one of its units, and sealed before it was approved."""
+        if found is None:
+            return False
+        waiver, approval = found
+        return UnitName(part=package.part, serial=package.serial) in waiver.units and _comes_after(approval, seal)
+
+    def told(self, asked: Asked, world: World) -> Iterator[str]:
+        """Give a sentence for every closed report and every waiver of a requirement."""
+        for report in self.reports:
+            if report.closed and report.now and report.approval and asked.id in report.now.requirements:
+                yield f"{report.number}, {report.now.disposition}, {_by(report.approval)}"
+        for each in self.waivers.get(asked.id, ()):
+            if problem := self._void(each, asked, world):
+                yield f"{each.waiver.id} closes nothing: {problem}"
+            elif each.approval:
+                units, until = _units(each.waiver.units), each.waiver.until
+                yield f"waiver {each.waiver.id} for {units} until {until}, {_by(each.approval)}"
+
+    def _void(self, each: _Waived, asked: Asked, world: World) -> str:
+        """Return why a waiver closes nothing, empty if it counts."""
+        waiver = each.waiver
+        if each.approval is None:
+            return "it is not approved as it is now by anybody but its author"
+        if (waiver.rev, waiver.fingerprint) != (asked.rev, asked.fingerprint):
+            of = f"rev {waiver.rev} ({waiver.fingerprint[:8]})"
+            return f"it is for {of} of the requirement, which is now rev {asked.rev} ({asked.fingerprint[:8]})"
+        if self.date > waiver.until:
+            return f"it counted until {waiver.until}"
+        return next(_unfit(waiver.units, asked, world), "")
+
+
+def accepted(world: World) -> Accepted:
+    """Return the reports and waivers of a world with the approvals of their present content."""
+    filed = world.filed
+    ever: dict[str, list[Nonconformance]] = {}
+    for each in (*filed.earlier, *filed.registers.nonconformances.values()):
+        ever.setdefault(each.id, []).append(each)
+    reports = tuple(
+        _Report(
+            now=(now := filed.registers.nonconformances.get(number)),
+            versions=tuple(versions),
+            approval=_approval(now, DISPOSES, filed.approvals) if now else None,
+        )
+        for number, versions in sorted(ever.items())
+    )
+    waivers: dict[str, tuple[_Waived, ...]] = {}
+    for waiver in sorted(filed.registers.waivers.values(), key=lambda each: each.id):
+        its = _Waived(waiver=waiver, approval=_approval(waiver, WAIVES, filed.approvals))
+        waivers[waiver.requirement] = (*waivers.get(waiver.requirement, ()), its)
+    every: tuple[Nonconformance | Waiver, ...] = (
+        *filed.registers.nonconformances.values(),
+        *filed.registers.waivers.values(),
+    )
+    contents = [Record(of=each).sha256 for each in every]
+    digest = hashlib.sha256("".join(contents).encode()).hexdigest() if contents else ""
+    return Accepted(reports=reports, waivers=waivers, date=world.date, sha256=digest)
+
+
+def _approval(item: Nonconformance | Waiver, role: str, approvals: Iterable[Approval]) -> Approval | None:
+    """Return the first approval of the present content of a report or a waiver."""
+    wanted = (item.id, Record(of=item).sha256, role)
+    return next((each for each in approvals if (each.record, each.sha256, each.role) == wanted), None)
+
+
+def _comes_after(approval: Approval | None, seal: Sealed | None) -> bool:
+    return approval is not None and seal is not None and seal.seq < approval.seq
+
+
+def _unfit(units: Sequence[UnitName], asked: Asked, world: World) -> Iterator[str]:
+    """Say which units of a waiver the requirement is not about."""
+    for unit in units:
+        dut = world.register.duts.get(unit.serial)
+        if dut is None or dut.part != unit.part:
+            yield f"the register has no unit {unit.serial} of the part {unit.part}"
+        elif dut.simulated:
+            yield f"{unit.serial} exists on simulated benches only"
+        elif asked.part_numbers and unit.part not in asked.part_numbers:
+            yield f"the plan is for {', '.join(asked.part_numbers)}, and {unit.serial} is {unit.part}"
+
+
+def _units(units: Iterable[UnitName]) -> str:
+    return ", ".join(f"{each.part} {each.serial}" for each in units)
+
+
+def _by(approval: Approval) -> str:
+    return f"approved by {approval.principal} as {approval.role} on {approval.utc[:10]}"

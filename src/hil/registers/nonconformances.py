@@ -1,0 +1,307 @@
+"""What was accepted although it does not conform: nonconformance reports and waivers, each a strict register.
+
+`fixtures/nonconformances.yaml` has what went wrong and what was done about it, `fixtures/waivers.yaml` which
+requirement need not be met by which unit. Neither counts for anything until somebody else has approved its present
+content: the ledger has the approval, with the content's hash.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict, dataclass, field
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any, TypeVar
+
+from hil.clock.wall import is_date
+from hil.documents.canonical import canonical
+from hil.documents.declared import Document, read_document
+from hil.documents.findings import Findings
+from hil.documents.suggest import did_you_mean
+from hil.model.identity import Day, Dut
+from hil.model.notation import AnyText, Text, matching
+from hil.model.notation import Path as Keys
+
+__all__ = [
+    "NONCONFORMANCES",
+    "WAIVERS",
+    "Action",
+    "Disposition",
+    "Nonconformance",
+    "Record",
+    "Records",
+    "UnitName",
+    "Waiver",
+    "load_records",
+]
+
+NONCONFORMANCES, WAIVERS = "nonconformances.yaml", "waivers.yaml"
+"""The files' names, in the folder of fixtures."""
+
+_Number = Annotated[str, matching("NCR-[A-Za-z0-9._-]+", "a number such as NCR-0007")]
+_WaiverNumber = Annotated[str, matching("W-[A-Za-z0-9._-]+", "a number such as W-0003")]
+_Digest = Annotated[str, matching("[0-9a-f]{64}", "the 64 digits of the requirement's fingerprint")]
+
+
+class Disposition(StrEnum):
+    """What becomes of a unit that does not conform."""
+
+    USE_AS_IS = "use-as-is"
+    REPAIR = "repair"
+    REWORK = "rework"
+    SCRAP = "scrap"
+    RETURN = "return"
+
+    @property
+    def needs_waiver(self) -> bool:
+        """Whether the unit still does not conform afterwards, so that only a waiver can close the requirement."""
+        return self is Disposition.USE_AS_IS
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UnitName:
+    """A unit under test, as the register of units has it."""
+
+    part: Text
+    serial: Text
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Action:
+    """What was done about a nonconformance, and on which day it was complete."""
+
+    text: Text
+    date: Day
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Nonconformance:
+    """A nonconformance report.
+
+    Attributes:
+        id: its number.
+        title: what is wrong, in one line.
+        date: the day on which it was found.
+        by: who wrote it; somebody else must approve it.
+        requirements: the requirements that are not met.
+        units: the units that do not conform.
+        run: the run that found it, if one did.
+        check: the parameter whose check failed, if one did.
+        cause: why it happened.
+        disposition: what becomes of the units; None as long as nobody has decided.
+        action: what was done; None as long as it is not complete.
+    """
+
+    id: _Number
+    title: Text
+    date: Day
+    by: Text
+    requirements: tuple[Text, ...]
+    units: tuple[UnitName, ...]
+    run: AnyText = ""
+    check: AnyText = ""
+    cause: AnyText = ""
+    disposition: Disposition | None = None
+    action: Action | None = None
+
+    @property
+    def complete(self) -> bool:
+        """Whether it says what becomes of the units and what was done, so that it can be approved."""
+        return self.disposition is not None and (self.disposition.needs_waiver or self.action is not None)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Waiver:
+    """A request that a requirement need not be met by some units.
+
+    Attributes:
+        id: its number.
+        title: what is accepted, in one line.
+        date: the day of the request.
+        until: the last day on which it counts.
+        by: who asks for it; somebody else must approve it.
+        requirement: the requirement.
+        rev: its revision.
+        fingerprint: its fingerprint, as its lock and the audit give it.
+        units: the units that need not meet it.
+        reason: why that is acceptable.
+        nonconformance: the report that it belongs to, if there is one.
+    """
+
+    id: _WaiverNumber
+    title: Text
+    date: Day
+    until: Day
+    by: Text
+    requirement: Text
+    rev: int
+    fingerprint: _Digest
+    units: tuple[UnitName, ...]
+    reason: Text
+    nonconformance: AnyText = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Record:
+    """What is approved of a report or a waiver: its number, its author, and its content by its hash."""
+
+    of: Nonconformance | Waiver
+
+    @property
+    def content(self) -> bytes:
+        """Its content as canonical JSON; what is left out or empty is not part of it."""
+        return canonical(_told(asdict(self.of)))
+
+    @property
+    def sha256(self) -> str:
+        """SHA-256 of its content: what approvals name."""
+        return hashlib.sha256(self.content).hexdigest()
+
+
+def _told(value: Any) -> Any:  # noqa: ANN401 - whatever a record holds
+    if isinstance(value, dict):
+        return {key: _told(item) for key, item in value.items() if item not in ("", (), None)}
+    return [_told(item) for item in value] if isinstance(value, tuple | list) else value
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Records:
+    """The two registers of a workspace, by number."""
+
+    nonconformances: Mapping[str, Nonconformance] = field(default_factory=dict)
+    waivers: Mapping[str, Waiver] = field(default_factory=dict)
+
+    def find(self, number: str) -> Nonconformance | Waiver | None:
+        """Return the report or waiver of a number, None if there is none."""
+        return self.nonconformances.get(number) or self.waivers.get(number)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Nonconformances:
+    nonconformances: tuple[Nonconformance, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Waivers:
+    waivers: tuple[Waiver, ...]
+
+
+_Found = TypeVar("_Found", bound=Nonconformance | Waiver)
+_Problems = Iterator[tuple[Keys, str]]
+
+
+def load_records(
+    fixtures: Path,
+    findings: Findings,
+    *,
+    requirements: Mapping[str, str] | None = None,
+    duts: Mapping[str, Dut] | None = None,
+) -> Records:
+    """Read both registers and add what is wrong to the findings; a workspace need not have them.
+
+    Args:
+        fixtures: the folder of fixtures.
+        findings: where everything that is wrong is noted.
+        requirements: the kind of every requirement by its id; None if names of requirements are not compared.
+        duts: the units by serial number; None if names of units are not compared.
+    """
+    known = _Known(requirements, duts)
+    first = _read(fixtures / NONCONFORMANCES, findings, _Nonconformances)
+    reports = _by_number(first, "nonconformances", first.model.nonconformances, findings, known.of) if first else {}
+    second = _read(fixtures / WAIVERS, findings, _Waivers)
+
+    def of_waiver(waiver: Waiver) -> _Problems:
+        yield from known.of(waiver)
+        if waiver.nonconformance and waiver.nonconformance not in reports:
+            yield ("nonconformance",), f"there is no report '{waiver.nonconformance}'{_near(waiver, reports)}"
+
+    waivers = _by_number(second, "waivers", second.model.waivers, findings, of_waiver) if second else {}
+    return Records(nonconformances=reports, waivers=waivers)
+
+
+def _near(waiver: Waiver, reports: Mapping[str, Nonconformance]) -> str:
+    return did_you_mean(waiver.nonconformance, reports)
+
+
+_Model = TypeVar("_Model")
+
+
+def _read(path: Path, findings: Findings, model: type[_Model]) -> Document[_Model] | None:
+    if not path.exists():
+        return None
+    schema = f"hil/{path.name.removesuffix('.yaml')}/1"
+    return read_document(path, f"{path.parent.name}/{path.name}", findings, model, schema=schema)
+
+
+def _by_number(
+    document: Document[Any],
+    key: str,
+    items: tuple[_Found, ...],
+    findings: Findings,
+    problems: Callable[[_Found], Iterator[tuple[Keys, str]]],
+) -> dict[str, _Found]:
+    found: dict[str, _Found] = {}
+    names: set[str] = set()
+    for index, item in enumerate(items):
+        at: Keys = (key, index)
+        if item.id and item.id.casefold() in names:
+            findings.add(document.place((*at, "id")), f"{item.id} is in the register twice")
+        names.add(item.id.casefold())
+        found.setdefault(item.id, item)
+        for place, problem in problems(item):
+            findings.add(document.place((*at, *place)), f"{item.id}: {problem}")
+    return found
+
+
+class _Known:
+    """What a report or a waiver may name."""
+
+    def __init__(self, requirements: Mapping[str, str] | None, duts: Mapping[str, Dut] | None) -> None:
+        self._requirements, self._duts = requirements, duts
+
+    def of(self, item: Nonconformance | Waiver) -> _Problems:
+        """Give what is wrong with an item: its key and a sentence."""
+        for keys, day in _days(item):
+            if day and not is_date(day):
+                yield keys, f"the date {day} does not exist"
+        if not item.units:
+            yield ("units",), "name at least one unit, with part and serial number"
+        for index, unit in enumerate(item.units):
+            yield from ((("units", index), problem) for problem in self._unit(unit))
+        if isinstance(item, Waiver):
+            yield from ((("requirement",), problem) for problem in self._requirement(item.requirement))
+            if item.until < item.date:
+                yield ("until",), f"it counts until {item.until}, and was asked for on {item.date}"
+            return
+        if not item.requirements:
+            yield ("requirements",), "name at least one requirement"
+        if item.check and not item.run:
+            yield ("check",), "name the run, too, whose check failed"
+        for index, name in enumerate(item.requirements):
+            yield from ((("requirements", index), problem) for problem in self._requirement(name))
+
+    def _requirement(self, name: str) -> Iterator[str]:
+        if self._requirements is None or not name:
+            return
+        if name not in self._requirements:
+            yield f"there is no requirement '{name}'{did_you_mean(name, self._requirements)}"
+        elif self._requirements[name] == "parent":
+            yield f"{name} is met by the requirements below it: name those"
+
+    def _unit(self, unit: UnitName) -> Iterator[str]:
+        if self._duts is None or not unit.serial:
+            return
+        dut = self._duts.get(unit.serial)
+        if dut is None:
+            yield f"there is no unit '{unit.serial}'{did_you_mean(unit.serial, self._duts)}"
+        elif dut.part != unit.part:
+            yield f"{unit.serial} is of the part {dut.part}, not {unit.part}"
+
+
+def _days(item: Nonconformance | Waiver) -> Iterator[tuple[Keys, str]]:
+    yield ("date",), item.date
+    if isinstance(item, Waiver):
+        yield ("until",), item.until
+    elif item.action is not None:
+        yield ("action", "date"), item.action.date
