@@ -56,22 +56,11 @@ def audit(world: World) -> Document:
             by_requirement[identifier].append(package)
     planned = _Planned(world)
     rows: dict[str, Row] = {}
+    by = _Judging(book=book, filed=filed, world=world)
     for identifier in _from_below(asked, children):
-        claims = tuple(
-            Claim(
-                asked=asked[identifier],
-                package=each,
-                result=each.results[identifier],
-                world=world,
-                ledgered=book,
-                accepted=filed,
-            )
-            for each in by_requirement[identifier]
-        )
+        claims = tuple(by.claim(asked[identifier], each) for each in by_requirement[identifier])
         below = [rows[child] for child in children[identifier]]
-        rows[identifier] = _row(
-            asked[identifier], claims, below, _Judging(book=book, filed=filed, world=world), planned(identifier)
-        )
+        rows[identifier] = _row(asked[identifier], claims, below, by, planned(identifier))
     ordered = tuple(rows[identifier] for identifier in asked)
     gaps = tuple(sorted(_gaps(ordered, packages, world)))
     return Document(
@@ -142,6 +131,18 @@ class _Judging:
     book: Ledgered
     filed: Accepted
     world: World
+
+    def claim(self, asked: Asked, package: Package) -> Claim:
+        """Return what a package says of a requirement, and what that is judged by."""
+        result = package.results[asked.id]
+        return Claim(
+            asked=asked,
+            package=package,
+            result=result,
+            world=self.world,
+            ledgered=self.book,
+            accepted=self.filed,
+        )
 
 
 def _row(

@@ -265,7 +265,8 @@ class _Rows:
 
     def _reasons(self, row: Row) -> str:
         if not row.reasons:
-            return f"{_closed_how(row)}{_records(row)}"
+            how = "every condition holds" if row.closed_by else "closed by the requirements below it"
+            return f"{'' if row.waiver else how}{_records(row)}"
         groups: dict[tuple[str, Code], list[str]] = {}
         for reason in row.reasons:
             groups.setdefault((reason.package, reason.code), []).append(self._told(reason))
@@ -297,16 +298,11 @@ _IS_OPEN = " is open: "
 _MISSING = '<span class="missing">none</span>'
 
 
-def _closed_how(row: Row) -> str:
-    if row.waiver:
-        return f'<b class="open">closed by waiver {_text(row.waiver)}</b>'
-    return "every condition holds" if row.closed_by else "closed by the requirements below it"
-
-
 def _records(row: Row) -> str:
-    """Return what waivers and closed nonconformance reports say, a line each."""
+    """Return by which waiver a row is closed, and what waivers and closed nonconformance reports say."""
+    by = f'<b class="open">closed by waiver {_text(row.waiver)}</b>' if row.waiver else ""
     lines = "".join(f"<li>{_text(each)}</li>" for each in row.records)
-    return f'<ul class="soft">{lines}</ul>' if lines else ""
+    return f'{by}<ul class="soft">{lines}</ul>' if lines else by
 
 
 def _on_hardware(would: OnHardware | None) -> str:
