@@ -5,14 +5,15 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
+import msgspec
 import pytest
 import sweeps
 from evidence_runs import begin, check, sealed_run, write_report
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hil.documents.canonical import JsonError, canonical
-from hil.evidence.events.codec import quick_canonical
+from hil.documents.canonical import JsonError, canonical, parse_strict
+from hil.evidence.events.codec import is_text_of, quick_canonical
 from hil.evidence.package.sealing import seal
 from hil.evidence.package.verification import State, verify
 
@@ -105,6 +106,24 @@ def test_the_quick_writer_writes_what_the_complete_one_writes(value):
             quick_canonical(value)
     else:
         assert quick_canonical(value) == due
+
+
+AWKWARD = st.sampled_from([":1.0,", "1.0", 'a":1.0,', "1e5", "\U0001f600", "\ufb00", "0" * 17])
+READABLE = st.recursive(
+    st.none() | st.booleans() | st.integers(-(2**53) + 1, 2**53 - 1) | st.floats(allow_nan=False, allow_infinity=False)
+    | st.sampled_from([1.0, -0.0, 1e16, 1e21, 1e-7, 5e-324, 0.1, -3.0]) | st.text() | AWKWARD,
+    lambda inner: st.lists(inner) | st.dictionaries(st.text() | AWKWARD, inner),
+    max_leaves=20,
+)  # fmt: skip
+
+
+@given(READABLE)
+@settings(max_examples=sweeps.examples(300), deadline=None)
+def test_a_text_is_known_again_as_the_writer_writes_it(value):
+    """Its own text is, and one that says the same otherwise is not; the library's own text of it is often another."""
+    read = parse_strict(canonical(value))
+    for text in (canonical(value), msgspec.json.encode(read, order="sorted"), msgspec.json.encode([read])[1:-1]):
+        assert is_text_of(text, read) is (text == canonical(read))
 
 
 @pytest.mark.parametrize(

@@ -45,7 +45,7 @@ _SURPRISES = (
 )
 
 
-_PLAIN = re.compile(r"(?!(?:yes|no|on|off|true|false)\Z)[A-Za-z/_(]", re.IGNORECASE)
+_PLAIN = re.compile(r"(?!(?:yes|no|on|off|true|false|null)\Z)[A-Za-z/_(]", re.IGNORECASE)
 """How text begins that nobody reads as anything else."""
 
 
@@ -78,7 +78,8 @@ class _Composer:
     """
 
     def __init__(self, text: str, shown: str, findings: Findings) -> None:
-        self._events: Iterator[yaml.Event] = yaml.parse(text, Loader=_LOADER)
+        self._text = text
+        self._events: Iterator[yaml.Event] = iter(())
         self._shown = shown
         self._findings = findings
         self._before = len(findings)
@@ -97,6 +98,7 @@ class _Composer:
 
     def _document(self) -> Node | None:
         root: Node | None = None
+        self._events = iter(_LOADER(self._text).get_event, None)
         for event in self._events:
             if isinstance(event, yaml.DocumentStartEvent):
                 if root is not None:
@@ -108,13 +110,13 @@ class _Composer:
         return root
 
     def _node(self, event: yaml.Event, depth: int) -> Node:
-        if depth > _DEEPEST:
-            self._refuse(event, f"nested deeper than {_DEEPEST} levels")
-            raise _Stop
         self._nodes += 1
-        if self._nodes > _MOST_NODES:
-            self._refuse(event, f"more than {_MOST_NODES} keys and values, the rest was not read")
+        if depth > _DEEPEST or self._nodes > _MOST_NODES:
+            deep, many = f"nested deeper than {_DEEPEST} levels", f"more than {_MOST_NODES} keys and values"
+            self._refuse(event, deep if depth > _DEEPEST else f"{many}, the rest was not read")
             raise _Stop
+        if type(event) is yaml.ScalarEvent and not event.anchor:
+            return self._scalar(event)
         if isinstance(event, yaml.AliasEvent):
             self._refuse(event, f"the alias *{str(event.anchor)[:60]} is not allowed, write the value out")
             return self._nothing(event)
@@ -148,12 +150,12 @@ class _Composer:
         )
 
     def _kind(self, event: yaml.ScalarEvent, text: str) -> ScalarKind:
+        if _PLAIN.match(text):
+            return ScalarKind.TEXT
         if text in _NOTHING:
             return ScalarKind.NOTHING
         if text in _FLAGS:
             return ScalarKind.FLAG
-        if _PLAIN.match(text):
-            return ScalarKind.TEXT
         if _INTEGER.fullmatch(text):
             return ScalarKind.INTEGER
         for pattern, why, advice in _SURPRISES:

@@ -6,7 +6,8 @@ import unicodedata
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Annotated
+from functools import lru_cache
+from typing import Annotated, NamedTuple
 
 from hil.documents.canonical import digest
 from hil.documents.node import Place
@@ -24,6 +25,9 @@ from hil.model.notation import (
 )
 
 __all__ = ["Decision", "Document", "Kind", "Limit", "Method", "PlannedRequirement", "Records", "Requirement"]
+
+_KEPT = 1 << 14
+"""How many fingerprints are remembered."""
 
 _ID = matching(
     "[A-Z][A-Z0-9]*(-[A-Z0-9]+)*-[0-9]{2,5}", "an id such as ADCS-GYR-010: capitals, and a number at its end"
@@ -155,19 +159,12 @@ class Requirement:
     @property
     def meaning(self) -> dict[str, object]:
         """What must be shown, as JSON: it changes with a new revision only."""
-        return {
-            "id": self.id,
-            "text": _collapsed(self.text),
-            "kind": self.kind,
-            "method": self.method,
-            "level": self.level,
-            "stage": self.stage,
-            "limits": [_limit(limit) for limit in sorted(self.limits, key=lambda limit: limit.parameter)],
-            "records": _records(self.records),
-            "over": {name: sorted(values) for name, values in self.over.items()},
-            # Left out where it is not given, so that the requirements from before it keep their fingerprints.
-            **({} if self.max_age_s is None else {"max_age_s": self.max_age_s}),
-        }
+        return self._meant.as_json()
+
+    @property
+    def _meant(self) -> _Meant:
+        named = (self.id, self.text, self.kind, self.method, self.level, self.stage)
+        return _Meant(*named, self.limits, self.records, tuple(self.over.items()), self.max_age_s)
 
     @property
     def explanation(self) -> dict[str, object]:
@@ -183,7 +180,7 @@ class Requirement:
     @property
     def fingerprint(self) -> str:
         """SHA-256 of the canonical JSON of the meaning: what must be shown, not how it is explained."""
-        return digest(self.meaning)
+        return _fingerprint(self._meant)
 
     @property
     def wording(self) -> str:
@@ -197,6 +194,43 @@ class PlannedRequirement(Requirement):
 
     kind: Annotated[Kind, one_of(Kind.LIMIT, Kind.RECORD, Kind.CHARACTERISE, blank=Kind.PARENT)]
     method: Annotated[Method, one_of(*Method, blank=Method.TEST)]
+
+
+class _Meant(NamedTuple):
+    """The fields of a requirement that its meaning consists of."""
+
+    id: str
+    text: str
+    kind: Kind
+    method: Method
+    level: str
+    stage: str
+    limits: tuple[Limit, ...]
+    records: Records | None
+    over: tuple[tuple[str, tuple[str, ...]], ...]
+    max_age_s: float | None
+
+    def as_json(self) -> dict[str, object]:
+        """Return the meaning."""
+        return {
+            "id": self.id,
+            "text": _collapsed(self.text),
+            "kind": self.kind,
+            "method": self.method,
+            "level": self.level,
+            "stage": self.stage,
+            "limits": [_limit(limit) for limit in sorted(self.limits, key=lambda limit: limit.parameter)],
+            "records": _records(self.records),
+            "over": {name: sorted(values) for name, values in self.over},
+            # Left out where it is not given, so that the requirements from before it keep their fingerprints.
+            **({} if self.max_age_s is None else {"max_age_s": self.max_age_s}),
+        }
+
+
+@lru_cache(maxsize=_KEPT)
+def _fingerprint(meant: _Meant) -> str:
+    """Return the digest of a meaning; a command asks for that of every requirement several times."""
+    return digest(meant.as_json())
 
 
 def _collapsed(text: str) -> str:

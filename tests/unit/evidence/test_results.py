@@ -23,6 +23,7 @@ from hil.evidence.folder import JOURNAL
 from hil.evidence.journal.reader import read_journal
 from hil.evidence.results.derived import derive, results_of
 from hil.evidence.results.facts import DamagedFile, Facts, FrozenCalibration, entries_of, facts_of
+from hil.evidence.results.outcome import is_outcome, write_outcome
 from hil.model.errors import EvidenceError
 
 
@@ -31,6 +32,30 @@ def derived(folder, **changes):
     with begin(folder, **changes) as journal:
         whole_case(folder, journal)
     return results_as_json(results_of(folder, read_journal(folder / JOURNAL)))
+
+
+@pytest.mark.parametrize(
+    ("was", "now"),
+    [
+        (b'"proven":true', b'"proven":1'),
+        (b'"proven":true', b'"proven": true'),
+        (b'"checks":1', b'"checks":1.0'),
+        (b'"checks":1', b'"checks":2'),
+        (b'"unit":"deg/s"', b'"status":null,"unit":"deg/s"'),
+        (b'"verdict":', b'"verdicts":'),
+        (b'"requirements":[{', b'"requirements":[{},{'),
+    ],
+)
+def test_results_are_compared_to_the_byte_without_being_written(tmp_path, was, now):
+    """What says the same in other bytes, or has one field more, is not what a run writes."""
+    with begin(tmp_path) as journal:
+        whole_case(tmp_path, journal)
+    outcome = results_of(tmp_path, read_journal(tmp_path / JOURNAL))
+    written = write_outcome(outcome)
+    assert is_outcome(written, outcome)
+    changed = written.replace(was, now, 1)
+    assert changed != written
+    assert not is_outcome(changed, outcome)
 
 
 def derived_from(events, facts, **options):

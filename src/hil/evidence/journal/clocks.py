@@ -19,6 +19,8 @@ SUPERVISOR = "supervisor"
 _APART_S = 2.0
 """Two clocks of one machine that are read one after the other are not further apart, and smaller steps go unnoticed."""
 
+_Timed = tuple[JournalLine, tuple[float, float]]
+
 _ENTERS = (Reboot, Recovered, Resumed)
 """Events before which another process may have set the time of day."""
 
@@ -34,10 +36,7 @@ def clock_findings(lines: Sequence[JournalLine]) -> Iterator[Finding]:
         elif _read(line.wall) is None:
             yield Finding(JOURNAL, line.number, 1, "the UTC of its wall stamp is no moment")
     jumps = _jumps(lines)
-    for before, line in pairwise(lines):
-        was, now = _read(before.wall), _read(line.wall)
-        if was is None or now is None:
-            continue
+    for (before, was), (line, now) in _pairs(lines):
         if before.wall["boot_id"] == line.wall["boot_id"] and now[1] < was[1]:
             yield Finding(
                 JOURNAL, line.number, 1, f"its time since boot is {was[1] - now[1]:g} s before the line before"
@@ -76,6 +75,13 @@ def _read(stamp: Mapping[str, object]) -> tuple[float, float] | None:
         return None
 
 
+def _pairs(lines: Sequence[JournalLine]) -> Iterator[tuple[_Timed, _Timed]]:
+    """Give each line and the next one with their UTC and time since boot in s, where both are whole."""
+    for (before, was), (line, now) in pairwise((line, _read(line.wall)) for line in lines):
+        if was is not None and now is not None:
+            yield (before, was), (line, now)
+
+
 def _jumps(lines: Sequence[JournalLine]) -> list[float]:
     return [line.event.seconds for line in lines if isinstance(line.event, ClockJump)]
 
@@ -87,9 +93,8 @@ def _explained(step: float, jumps: Sequence[float]) -> bool:
 def _steps(lines: Sequence[JournalLine]) -> Iterator[str]:
     """Give where UTC and the time since boot parted, and no event says so."""
     jumps = _jumps(lines)
-    for before, line in pairwise(lines):
-        was, now = _read(before.wall), _read(line.wall)
-        if was is None or now is None or before.wall["boot_id"] != line.wall["boot_id"]:
+    for (before, was), (line, now) in _pairs(lines):
+        if before.wall["boot_id"] != line.wall["boot_id"]:
             continue
         step = (now[0] - now[1]) - (was[0] - was[1])
         if abs(step) > _APART_S and not isinstance(line.event, _ENTERS) and not _explained(step, jumps):

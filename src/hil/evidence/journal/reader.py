@@ -14,7 +14,7 @@ from typing import Any, BinaryIO
 from hil.documents.canonical import JsonError, parse_strict
 from hil.evidence.durable import open_plain, read_plain, sync_file, sync_folder
 from hil.evidence.events import Event, Results
-from hil.evidence.events.codec import decode, encode, quick_canonical
+from hil.evidence.events.codec import decode, is_text_of
 from hil.evidence.folder import JOURNAL, TORN
 from hil.model.errors import EvidenceError, Finding
 
@@ -49,6 +49,8 @@ _OF_LINE = frozenset({"body", "prev", "wall"})
 _START = b'{"body":'
 _BEFORE_PREVIOUS = b',"prev":"'
 _AFTER_PREVIOUS = b'","wall":'
+_WALL = len(_BEFORE_PREVIOUS) + len(FIRST)
+"""Where in the rest of a line the wall's name begins."""
 _BLOCK = 1 << 20
 _PIECE = 1 << 16
 """The last two lines of most journals are shorter."""
@@ -84,9 +86,9 @@ class JournalLine:
     @property
     def canonical(self) -> bool:
         """Whether every byte of the line is as the writer writes it."""
-        end = len(_BEFORE_PREVIOUS) + len(FIRST)
-        wall = b"%b%b}" % (_AFTER_PREVIOUS, quick_canonical(self.wall))
-        return encode(self.event) == self.raw and self.rest[end:] == wall
+        before, wall = self.rest[_WALL : (at := _WALL + len(_AFTER_PREVIOUS))], self.rest[at:-1]
+        closed = self.rest.endswith(b"}") and before == _AFTER_PREVIOUS
+        return closed and is_text_of(self.raw, self.event) and is_text_of(wall, self.wall)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

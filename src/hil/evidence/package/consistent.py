@@ -33,10 +33,10 @@ from hil.evidence.package.listing import shown
 from hil.evidence.package.sealing import info_of
 from hil.evidence.package.twice import LOOKS
 from hil.evidence.recordings.hdf5 import differing_facts, hashes_of
-from hil.evidence.results.derived import results_of
+from hil.evidence.results.derived import Sources
 from hil.evidence.results.eligibility import against_hardware
-from hil.evidence.results.facts import Catalogue, DamagedFile, facts_of
-from hil.evidence.results.outcome import FORMAT, without_sentences, write_outcome
+from hil.evidence.results.facts import Catalogue, DamagedFile
+from hil.evidence.results.outcome import FORMAT, is_outcome, without_sentences, write_outcome
 from hil.evidence.state import fold
 from hil.model.errors import EvidenceError, Finding, HilError
 from hil.model.identity import Source
@@ -58,11 +58,12 @@ def content_findings(folder: Path, reading: JournalReading, hashes: Hashes) -> I
         reading: its journal.
         hashes: path and SHA-256 of every file below `data`, as they are now.
     """
+    sources = Sources(folder=folder, reading=reading)
     for look in (
         _journal_findings,
         _info_findings,
         _file_findings,
-        introduced_findings,
+        _introduced_findings,
         _begun_findings,
         _repeated_findings,
         _results_findings,
@@ -71,7 +72,7 @@ def content_findings(folder: Path, reading: JournalReading, hashes: Hashes) -> I
         _attachment_findings,
         _check_findings,
     ):
-        yield from guarded(partial(look, folder, reading, hashes))
+        yield from guarded(partial(look, sources, hashes))
 
 
 def frozen_findings(folder: Path, reading: JournalReading, hashes: Hashes) -> Iterator[Finding]:
@@ -82,8 +83,9 @@ def frozen_findings(folder: Path, reading: JournalReading, hashes: Hashes) -> It
         reading: at least the first two and the last two lines of its journal.
         hashes: path and SHA-256 of every file below `data`.
     """
+    sources = Sources(folder=folder, reading=reading)
     for look in (_shape_findings, _file_findings, _begun_findings):
-        yield from guarded(partial(look, folder, reading, hashes))
+        yield from guarded(partial(look, sources, hashes))
 
 
 def guarded(look: Callable[[], Iterator[Finding]], path: str = "data") -> Iterator[Finding]:
@@ -97,33 +99,33 @@ def guarded(look: Callable[[], Iterator[Finding]], path: str = "data") -> Iterat
         yield Finding(path, 0, 0, f"cannot be checked: {what}")
 
 
-def _shape_findings(_: Path, reading: JournalReading, __: Hashes) -> Iterator[Finding]:
-    yield from reading.findings
-    if reading.torn:
+def _shape_findings(sources: Sources, _: Hashes) -> Iterator[Finding]:
+    yield from sources.reading.findings
+    if sources.reading.torn:
         yield Finding(JOURNAL, 0, 0, "the last line is incomplete")
-    kinds = [type(event) for event in reading.events]
+    kinds = [type(event) for event in sources.reading.events]
     if kinds[:1] != [Run] or kinds[-2:] != [Results, End] or kinds.count(Results) != 1:
         yield Finding(JOURNAL, 0, 0, "expected the event run first, and results and end last, each once")
 
 
-def _journal_findings(folder: Path, reading: JournalReading, hashes: Hashes) -> Iterator[Finding]:
-    yield from _shape_findings(folder, reading, hashes)
-    for line in reading.lines:
+def _journal_findings(sources: Sources, hashes: Hashes) -> Iterator[Finding]:
+    yield from _shape_findings(sources, hashes)
+    for line in sources.reading.lines:
         if not line.canonical:
             yield Finding(JOURNAL, line.number, 1, "not canonical JSON")
-    yield from clock_findings(reading.lines)
+    yield from clock_findings(sources.reading.lines)
 
 
-def _info_findings(folder: Path, reading: JournalReading, _: Hashes) -> Iterator[Finding]:
+def _info_findings(sources: Sources, _: Hashes) -> Iterator[Finding]:
     """Compare `bag-info.txt` with what a seal writes, line by line; where it is missing, the tag files tell it."""
     try:
-        text = read_plain(folder / INFO).decode("utf-8", errors="replace")
+        text = read_plain(sources.folder / INFO).decode("utf-8", errors="replace")
     except FileNotFoundError:
         return
-    if not reading.lines:
+    if not sources.reading.lines:
         yield Finding(INFO, 0, 0, "cannot be checked: the journal has no events")
         return
-    due = info_of(folder, identifier_of(text), reading).decode()
+    due = info_of(sources.folder, identifier_of(text), sources.reading).decode()
     for number, (line, right) in enumerate(zip_longest(text.split("\n"), due.split("\n"), fillvalue=""), 1):
         if line != right:
             name = (right or line).partition(":")[0]
@@ -132,23 +134,23 @@ def _info_findings(folder: Path, reading: JournalReading, _: Hashes) -> Iterator
             yield Finding(INFO, number, 1, text)
 
 
-def _file_findings(_: Path, reading: JournalReading, hashes: Hashes) -> Iterator[Finding]:
+def _file_findings(sources: Sources, hashes: Hashes) -> Iterator[Finding]:
     """Compare every file with the journal, which names what was frozen first, and the whole folder at its end."""
-    if [type(event) for event in reading.events[:2]] not in _HEAD:
+    if [type(event) for event in sources.reading.events[:2]] not in _HEAD:
         yield Finding(JOURNAL, 0, 0, "its second event does not name what was frozen")
-    later = {event.file: event.sha256 for event in reading.events if isinstance(event, FrozenLater)}
-    frozen = {**_frozen_files(reading), **later}
+    later = {event.file: event.sha256 for event in sources.reading.events if isinstance(event, FrozenLater)}
+    frozen = {**_frozen_files(sources.reading), **later}
     for path, digest in frozen.items():
         if hashes.get(path) != digest:
             when = "when it was first used" if path in later else "before the first step"
             what = f"it is not what was frozen {when}" if path in hashes else "what was frozen is missing"
             yield Finding(shown(path), 0, 0, what)
-    if not _has_end(reading):
+    if not _has_end(sources.reading):
         yield Finding(
             JOURNAL, 0, 0, "its last event does not name the files: they were compared with the manifest only"
         )
         return
-    ended = _hashes_at_end(reading)
+    ended = _hashes_at_end(sources.reading)
     for path in sorted({*ended, *filter(is_named, hashes)} - {*frozen}):
         if path not in hashes:
             yield Finding(shown(path), 0, 0, "the journal names it, and it is missing")
@@ -186,8 +188,12 @@ def _hashes(files: Any, kind: str) -> Mapping[str, str]:  # noqa: ANN401 - whate
     return files
 
 
-def _begun_findings(_: Path, reading: JournalReading, hashes: Hashes) -> Iterator[Finding]:
-    run = fold(reading.events).run
+def _introduced_findings(sources: Sources, hashes: Hashes) -> Iterator[Finding]:
+    yield from introduced_findings(sources.reading, hashes)
+
+
+def _begun_findings(sources: Sources, hashes: Hashes) -> Iterator[Finding]:
+    run = sources.state.run
     if run is None:
         return
     for field, path in (("catalogue", CATALOGUE), ("parameters", PARAMETERS), ("calibration", CALIBRATION)):
@@ -195,12 +201,12 @@ def _begun_findings(_: Path, reading: JournalReading, hashes: Hashes) -> Iterato
             yield Finding(path, 0, 0, f"this is not the {field} that the run started with")
 
 
-def _repeated_findings(folder: Path, reading: JournalReading, _: Hashes) -> Iterator[Finding]:
+def _repeated_findings(sources: Sources, _: Hashes) -> Iterator[Finding]:
     """Compare what stands twice; a run that was killed before anything was frozen has used none of it."""
-    run = fold(reading.events).run
-    if run is not None and any(isinstance(event, Frozen) for event in reading.events):
+    run = sources.state.run
+    if run is not None and any(isinstance(event, Frozen) for event in sources.reading.events):
         for look, path in LOOKS:
-            yield from guarded(partial(look, folder, run, reading), path)
+            yield from guarded(partial(look, sources, run), path)
 
 
 def named_results(reading: JournalReading, hashes: Hashes) -> Iterator[Finding]:
@@ -219,20 +225,19 @@ def named_results(reading: JournalReading, hashes: Hashes) -> Iterator[Finding]:
         yield Finding(GUARDIAN, 0, 0, "it is not the guardian's journal that the journal's event results names")
 
 
-def _results_findings(folder: Path, reading: JournalReading, hashes: Hashes) -> Iterator[Finding]:
+def _results_findings(sources: Sources, hashes: Hashes) -> Iterator[Finding]:
     """Compare the results with those that journal and frozen catalogue give, field by field."""
-    yield from named_results(reading, hashes)
-    if reading.findings or reading.torn or not _has_end(reading):
+    yield from named_results(sources.reading, hashes)
+    if sources.reading.findings or sources.reading.torn or not _has_end(sources.reading):
         yield Finding(RESULTS, 0, 0, "cannot be compared with the journal, which is damaged")
         return
-    sealed = read_plain(folder / RESULTS) if RESULTS in hashes else None
-    derived = results_of(folder, reading, _format(sealed or b""))
-    named = fold(reading.events).results
+    sealed = read_plain(sources.folder / RESULTS) if RESULTS in hashes else None
+    derived = sources.results(_format(sealed or b""))
+    named = sources.state.results
     if named is not None and named.verdict is not derived.verdict:
-        line = next(line.number for line in reading.lines if line.event is named)
+        line = next(line.number for line in sources.reading.lines if line.event is named)
         yield Finding(JOURNAL, line, 1, f"field 'verdict' is {named.verdict}, and the journal gives {derived.verdict}")
-    due = write_outcome(derived)
-    if sealed is None or sealed == due:
+    if sealed is None or is_outcome(sealed, derived) or sealed == (due := write_outcome(derived)):
         return
     try:
         found = parse_strict(sealed)
@@ -293,20 +298,20 @@ class _Head(msgspec.Struct, frozen=True):
     format: int
 
 
-def _source_findings(folder: Path, reading: JournalReading, _: Hashes) -> Iterator[Finding]:
+def _source_findings(sources: Sources, _: Hashes) -> Iterator[Finding]:
     """Compare a run that calls itself hardware with what its journal and its frozen files say; not of older formats."""
-    results = read_plain(folder / RESULTS) if (folder / RESULTS).exists() else b""
-    state = fold(reading.events)
+    results = read_plain(sources.folder / RESULTS) if (sources.folder / RESULTS).exists() else b""
+    state = sources.state
     if state.run is None or state.run.source is not Source.HARDWARE or _format(results) < _WITH_CONDITIONS:
         return
-    for why in against_hardware(state, facts_of(folder, reading)):
+    for why in against_hardware(state, sources.facts):
         yield Finding(JOURNAL, 1, 1, f"field 'source' is hardware, but {why}")
 
 
-def _recording_findings(folder: Path, reading: JournalReading, hashes: Hashes) -> Iterator[Finding]:
+def _recording_findings(sources: Sources, hashes: Hashes) -> Iterator[Finding]:
     """Compare rows with the journal's hashes; a file that is not the one the run wrote is not even opened."""
-    written = _hashes_at_end(reading) if _has_end(reading) else hashes
-    state = fold(reading.events)
+    written = _hashes_at_end(sources.reading) if _has_end(sources.reading) else hashes
+    state = sources.state
     for identifier, claim in state.rows.items():
         path = f"{RECORDINGS}/{identifier}.h5"
         ended = state.ended.get(identifier)
@@ -315,9 +320,9 @@ def _recording_findings(folder: Path, reading: JournalReading, hashes: Hashes) -
         elif path not in hashes:
             yield Finding(shown(path), 0, 0, "the recording is missing")
         elif hashes[path] == written.get(path):
-            yield from guarded(partial(_row_findings, folder, path, claim, ended.rows), shown(path))
+            yield from guarded(partial(_row_findings, sources.folder, path, claim, ended.rows), shown(path))
             if (begun := state.recordings.get(identifier)) is not None:
-                yield from guarded(partial(_fact_findings, folder / path, begun, ended), shown(path))
+                yield from guarded(partial(_fact_findings, sources.folder / path, begun, ended), shown(path))
 
 
 def _fact_findings(path: Path, begun: Recording, ended: RecordingEnd) -> Iterator[Finding]:
@@ -335,16 +340,16 @@ def _row_findings(folder: Path, path: str, claim: Mapping[int, str], rows: int) 
             yield Finding(path, 0, 0, f"its first {due} rows are not those that the journal names")
 
 
-def _attachment_findings(_: Path, reading: JournalReading, hashes: Hashes) -> Iterator[Finding]:
-    for event in fold(reading.events).attachments:
+def _attachment_findings(sources: Sources, hashes: Hashes) -> Iterator[Finding]:
+    for event in sources.state.attachments:
         path = f"{ATTACHMENTS}/{event.file}"
         if hashes.get(path) != event.sha256:
             yield Finding(shown(path), 0, 0, "this is not the attachment that the journal names")
 
 
-def _check_findings(folder: Path, reading: JournalReading, _: Hashes) -> Iterator[Finding]:
-    catalogue = facts_of(folder, reading).catalogue
-    for line in reading.lines:
+def _check_findings(sources: Sources, _: Hashes) -> Iterator[Finding]:
+    catalogue = sources.facts.catalogue
+    for line in sources.reading.lines:
         if isinstance(line.event, Check):
             yield from guarded(partial(_of_check, line.number, line.event, catalogue), f"{JOURNAL}:{line.number}")
 

@@ -62,7 +62,7 @@ def strangers(reading: JournalReading, files: Iterable[str]) -> Iterator[str]:
             yield path
 
 
-def introduced_findings(_: Path, reading: JournalReading, hashes: Iterable[str]) -> Iterator[Finding]:
+def introduced_findings(reading: JournalReading, hashes: Iterable[str]) -> Iterator[Finding]:
     """Give a finding for every file that was sealed, and that no event introduced; those that came later are told."""
     last = reading.lines[-1] if reading.lines else None
     named = last.wall.get("files") if last and isinstance(last.event, End) else None

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from functools import lru_cache
 
 from hil.evidence.events import Check
-from hil.evidence.results.facts import Catalogue, FrozenRequirement
+from hil.evidence.results.facts import Catalogue, FrozenLimit, FrozenRequirement
 from hil.model.figure import Figure, FigureStatus
 from hil.model.verdict import Verdict
 from hil.requirements.decision import Judgement, judge
@@ -107,18 +108,24 @@ def _tolerance(check: Check, again: Judgement) -> float:
 
 
 def _written_limit(check: Check) -> Limit:
-    return Limit(
-        parameter=check.parameter,
-        unit=check.limit_unit,
-        minimum=check.limit.min,
-        maximum=check.limit.max,
-        equals=check.limit.equals,
-        decision=check.decision,
-    )
+    bounds = check.limit
+    return _limit(check.parameter, check.limit_unit, bounds.min, bounds.max, bounds.equals, check.decision)
+
+
+@lru_cache
+def _limit(
+    parameter: str, unit: str, minimum: str | None, maximum: str | None, equals: str | None, decision: Decision
+) -> Limit:
+    return Limit(parameter=parameter, unit=unit, minimum=minimum, maximum=maximum, equals=equals, decision=decision)
 
 
 def _frozen_limit(check: Check, entry: FrozenRequirement) -> Limit | None:
-    return next((each.limit for each in entry.limits if each.parameter == check.parameter), None)
+    return next((_of_frozen(each) for each in entry.limits if each.parameter == check.parameter), None)
+
+
+@lru_cache
+def _of_frozen(limit: FrozenLimit) -> Limit:
+    return limit.limit
 
 
 _OF_LIMIT = {
@@ -132,6 +139,8 @@ _OF_LIMIT = {
 
 
 def _against_catalogue(name: str, written: Limit, frozen: Limit) -> Iterator[str]:
+    if written == frozen:
+        return
     for attribute, field in _OF_LIMIT.items():
         if getattr(written, attribute) != getattr(frozen, attribute):
             was, due = getattr(written, attribute), getattr(frozen, attribute)

@@ -21,13 +21,12 @@ from hil.documents.strict_yaml import read_yaml
 from hil.evidence.durable import read_plain
 from hil.evidence.events import Armed, Effect, Entry, Frozen, Gate, Resumed, Run
 from hil.evidence.folder import CALIBRATION, CATALOGUE, JOURNAL, PARAMETERS, REGISTERS
-from hil.evidence.journal.reader import JournalReading
 from hil.evidence.package.listing import shown
+from hil.evidence.results.derived import Sources
 from hil.evidence.results.facts import (
     FrozenCalibration,
     FrozenRequirement,
     entries_of,
-    facts_of,
     frozen_calibration,
     read_json,
 )
@@ -59,14 +58,17 @@ _KEPT = 64
 _OLDEST = frozenset({"rev", "text", "kind", "method", "source", "plan", "parents", "fingerprint", "limits"})
 """What the catalogue of every package tells of a requirement; other fields came later."""
 
-Look = Callable[[Path, Run, JournalReading], Iterator[Finding]]
+Look = Callable[[Sources, Run], Iterator[Finding]]
 """Compares what a run's folder holds with its first event and its journal."""
 
 
-def _digests(folder: Path, run: Run, reading: JournalReading) -> Iterator[Finding]:
+def _digests(sources: Sources, run: Run) -> Iterator[Finding]:
     """Compute again the two hashes that the first event has of many files."""
     frozen = {
-        path: digest for event in reading.events if isinstance(event, Frozen) for path, digest in event.files.items()
+        path: digest
+        for event in sources.reading.events
+        if isinstance(event, Frozen)
+        for path, digest in event.files.items()
     }
     if not frozen:
         return
@@ -77,7 +79,7 @@ def _digests(folder: Path, run: Run, reading: JournalReading) -> Iterator[Findin
     }
     if run.bench_files is not None and _digest(of_bench) != run.bench_files:
         yield _of_journal("field 'bench_files' is not the hash over the frozen files of the bench")
-    if _digest(_sources(folder, frozen)) != run.sources:
+    if _digest(_sources(sources.folder, frozen)) != run.sources:
         yield _of_journal("field 'sources' is not the hash over the frozen sources")
 
 
@@ -100,13 +102,13 @@ def _digest(files: Mapping[str, str]) -> str:
     return hashlib.sha256("".join(f"{files[str(path)]}  {path}\n" for path in ordered).encode()).hexdigest()
 
 
-def _dut(folder: Path, run: Run, _: JournalReading) -> Iterator[Finding]:
+def _dut(sources: Sources, run: Run) -> Iterator[Finding]:
     """Compare the device under test: as the journal has it, as it was frozen, and as the register has it."""
-    frozen = _object(folder, _DUT)
+    frozen = _object(sources.folder, _DUT)
     for field, value in _as_json(run.dut).items():
         if frozen.get(field) != value:
             yield _differs(_DUT, field, frozen.get(field), "the journal", value)
-    register = {dut.serial: dut for dut in load_duts(folder / _DUTS, _DUTS, Findings())}
+    register = {dut.serial: dut for dut in load_duts(sources.folder / _DUTS, _DUTS, Findings())}
     if (entry := register.get(run.dut.serial)) is None:
         yield Finding(_DUTS, 0, 0, f"it has no entry '{shown(run.dut.serial)}', which the run was for")
         return
@@ -116,21 +118,21 @@ def _dut(folder: Path, run: Run, _: JournalReading) -> Iterator[Finding]:
             yield _differs(_DUT, field, frozen[field], _DUTS, told[field])
 
 
-def _calibration(folder: Path, run: Run, reading: JournalReading) -> Iterator[Finding]:
+def _calibration(sources: Sources, run: Run) -> Iterator[Finding]:
     """Compare every instrument's certificate and due date with the bench file, or the register that it names."""
-    root = _tree(folder, _BENCH)
+    root = _tree(sources.folder, _BENCH)
     if (name := _scalar(root, "bench", "name")) != run.bench:
         yield _differs(_BENCH, "bench.name", name, "the journal", run.bench)
-    frozen = facts_of(folder, reading).calibration
+    frozen = sources.facts.calibration
     if run.calibration is None:
         return  # the oldest packages have none
     told = {str(key.text) for key, _ in getattr(node_at(root, ("instruments",)), "entries", ())}
-    register = load_instruments(folder / _INSTRUMENTS, _INSTRUMENTS, Findings())
+    register = load_instruments(sources.folder / _INSTRUMENTS, _INSTRUMENTS, Findings())
     by_hand = {name for name in frozen.keys() - told if name in register and frozen[name].register == name}
     for name in sorted((frozen.keys() ^ told) - by_hand):
         where, other = (CALIBRATION, _BENCH) if name in frozen else (_BENCH, CALIBRATION)
         yield Finding(where, 0, 0, f"instrument '{shown(name)}' is missing in {other}")
-    whole = _object(folder, CALIBRATION).get("format") != 1  # which had nothing but these three
+    whole = _object(sources.folder, CALIBRATION).get("format") != 1  # which had nothing but these three
     for name in sorted(frozen.keys() & told | by_hand):
         at = ("instruments", name)
         registered = name if name in by_hand else _scalar(root, *at, "register")
@@ -138,7 +140,7 @@ def _calibration(folder: Path, run: Run, reading: JournalReading) -> Iterator[Fi
         source = _INSTRUMENTS if registered else _BENCH
         if whole:
             record = register[registered].calibration if registered in register else _record(root, name)
-            due = frozen_calibration(folder, record, dut=dut, register=registered)
+            due = frozen_calibration(sources.folder, record, dut=dut, register=registered)
         else:
             certificate, day = (_scalar(root, *at, "calibration", key) for key in ("certificate", "due"))
             due = FrozenCalibration(certificate=certificate, due=day, dut=dut)
@@ -155,23 +157,26 @@ def _record(root: Node, name: str) -> Calibration | None:
     return validated(Calibration, found, "calibration") if isinstance(found, dict) else None
 
 
-def _catalogue(folder: Path, run: Run, reading: JournalReading) -> Iterator[Finding]:
+def _catalogue(sources: Sources, run: Run) -> Iterator[Finding]:
     """Compare the frozen requirements with the plans' own files and their locks."""
-    frozen = facts_of(folder, reading).catalogue
+    frozen = sources.facts.catalogue
+    of_plan: dict[str, list[str]] = {}
+    for name, entry in frozen.items():
+        of_plan.setdefault(entry.plan, []).append(name)
     due: dict[str, FrozenRequirement] = {}
     for plan in run.plans:
         path = f"{_PLANS}/{plan}/{REQUIREMENTS}"
-        asked = _asked(read_plain(folder / path), path, plan) if (folder / path).exists() else None
+        asked = _asked(read_plain(sources.folder / path), path, plan) if (sources.folder / path).exists() else None
         if asked is None:
             yield Finding(shown(path), 0, 0, "its requirements cannot be read, and not be compared")
             return
         due |= asked
-        yield from _lock(folder, plan, frozen)
+        yield from _lock(sources.folder, plan, {name: frozen[name] for name in of_plan.get(plan, ())})
     for name in sorted(frozen.keys() ^ due.keys()):
         where = "the plans do not have it" if name in frozen else "it is missing, and the plans have it"
         yield Finding(CATALOGUE, 0, 0, f"requirement {shown(name)}: {where}")
     different = sorted(name for name in frozen.keys() & due.keys() if frozen[name] != due[name])
-    known = _known_fields(folder) if different else frozenset()
+    known = _known_fields(sources.folder) if different else frozenset()
     for name in different:
         was, right = _as_json(frozen[name]), _as_json(due[name])
         for field in sorted(known & right.keys()):
@@ -197,26 +202,32 @@ def _lock(folder: Path, plan: str, frozen: Mapping[str, FrozenRequirement]) -> I
     path = f"{_PLANS}/{plan}/{LOCK}"
     if not (folder / path).exists():
         return
-    locked = _object(folder, path).get("requirements")
+    locked = _locked(read_plain(folder / path))
     for name, entry in frozen.items():
-        if entry.plan != plan:
-            continue
-        told = locked.get(name) if isinstance(locked, dict) else None
-        for field, was in (("fingerprint", entry.fingerprint), ("rev", entry.rev)):
-            if not isinstance(told, dict) or told.get(field) != was:
-                value = told.get(field) if isinstance(told, dict) else None
+        told = locked.get(name, (None, None))
+        for field, was, value in zip(("fingerprint", "rev"), (entry.fingerprint, entry.rev), told, strict=True):
+            if value != was:
                 yield _differs(CATALOGUE, f"{name}.{field}", was, shown(path), value)
 
 
-def _parameters(folder: Path, run: Run, _: JournalReading) -> Iterator[Finding]:
+@lru_cache(maxsize=_KEPT)
+def _locked(data: bytes) -> dict[str, tuple[object, object]]:
+    """Return fingerprint and revision of every requirement in a lock; runs of one plan have the same file."""
+    content = parse_strict(data)
+    locked = content.get("requirements") if isinstance(content, dict) else None
+    each = locked.items() if isinstance(locked, dict) else ()
+    return {name: (told.get("fingerprint"), told.get("rev")) for name, told in each if isinstance(told, dict)}
+
+
+def _parameters(sources: Sources, run: Run) -> Iterator[Finding]:
     """Compare the frozen parameters with the plans' own files and what was changed on the command line."""
     if run.overrides is None or run.skips is None:
         return  # the oldest packages do not tell them
-    frozen = _object(folder, PARAMETERS).get("plans")
+    frozen = _object(sources.folder, PARAMETERS).get("plans")
     if not isinstance(frozen, dict) or sorted(frozen) != sorted(run.plans):
         yield Finding(PARAMETERS, 0, 0, "its plans are not those of the run")
         return
-    parameters = {plan: load_parameters(folder, folder / _PLANS / plan) for plan in run.plans}
+    parameters = {plan: load_parameters(sources.folder, sources.folder / _PLANS / plan) for plan in run.plans}
     for name, text in run.overrides.items():
         for plan, each in parameters.items():
             if name in {row.name for row in each.rows()}:
@@ -243,10 +254,10 @@ def _rows(plan: str, frozen: object, parameters: Parameters) -> Iterator[Finding
                 yield _differs(PARAMETERS, f"{right['name']}.{field}", row.get(field), source, value)
 
 
-def _armed(_: Path, __: Run, reading: JournalReading) -> Iterator[Finding]:
+def _armed(sources: Sources, _: Run) -> Iterator[Finding]:
     """Give a finding where a case drove the bench before it was armed, at the start or again after a stop."""
     armed = gated = False
-    for line in reading.lines:
+    for line in sources.reading.lines:
         match line.event:
             case Gate(ok=True):
                 gated = True

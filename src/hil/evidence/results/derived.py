@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import msgspec
@@ -29,7 +31,7 @@ from hil.evidence.state import CaseState, RunState, before_results, fold, standi
 from hil.model.identity import Purpose, Source
 from hil.model.verdict import Verdict, worst
 
-__all__ = ["BY_CASES", "derive", "reasons_against", "results_of"]
+__all__ = ["BY_CASES", "Sources", "derive", "reasons_against", "results_of"]
 
 BY_CASES = frozenset({"test", "inspection"})
 """The methods whose requirements are verified by cases."""
@@ -45,13 +47,44 @@ _NOTHING = FrozenRequirement()
 _NO_RECORD = FrozenCalibration()
 
 
+@dataclass(frozen=True, kw_only=True)
+class Sources:
+    """What everything in a package is derived from; what follows from it is computed when it is first asked for.
+
+    Attributes:
+        folder: the run's folder.
+        reading: its journal.
+    """
+
+    folder: Path
+    reading: JournalReading
+
+    @cached_property
+    def state(self) -> RunState:
+        """What all events tell, those after the results included."""
+        return fold(self.reading.events)
+
+    @cached_property
+    def facts(self) -> Facts:
+        """What was frozen.
+
+        Raises:
+            DamagedFile: if a frozen file cannot be read.
+        """
+        return facts_of(self.folder, self.reading)
+
+    def results(self, form: int) -> Outcome:
+        """Return the results in a format."""
+        return derive(self.reading.events, self.facts, content_digest=self.reading.content_digest, form=form)
+
+
 def results_of(folder: Path, reading: JournalReading, form: int = FORMAT) -> Outcome:
     """Derive the results of a run's folder from its journal and what was frozen in it, in a format.
 
     Raises:
         EvidenceError: if what was frozen cannot be read.
     """
-    return derive(reading.events, facts_of(folder, reading), content_digest=reading.content_digest, form=form)
+    return Sources(folder=folder, reading=reading).results(form)
 
 
 def derive(events: Iterable[Event], facts: Facts, *, content_digest: str, form: int = FORMAT) -> Outcome:

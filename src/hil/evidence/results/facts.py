@@ -331,7 +331,7 @@ def _entry(item: Requirement) -> FrozenRequirement:
         fingerprint=item.fingerprint,
         withdrawn=item.withdrawn,
         records=None if item.records is None else asdict(item.records),
-        limits=tuple(FrozenLimit(**asdict(limit)) for limit in item.limits),
+        limits=msgspec.convert(item.limits, tuple[FrozenLimit, ...], from_attributes=True),
     )
 
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import msgspec
 
 from hil.documents.canonical import JsonError, parse_strict
 from hil.evidence.events import Check, Part, Run
-from hil.evidence.events.codec import convert, decode, plain, quick_canonical, told
+from hil.evidence.events.codec import convert, decode, is_text_of, plain, quick_canonical, told
 from hil.model.verdict import Verdict
 
 __all__ = [
@@ -22,6 +22,7 @@ __all__ = [
     "Outcome",
     "RequirementOutcome",
     "StepOutcome",
+    "is_outcome",
     "read_outcome",
     "without_sentences",
     "write_outcome",
@@ -202,6 +203,37 @@ def write_outcome(outcome: Outcome) -> bytes:
     run = {} if outcome.run is None else plain(outcome.run)
     asked = {name: value for name, value in run.items() if name not in _OF_EVENT}
     return quick_canonical({**told(outcome), "run": asked})
+
+
+def is_outcome(data: bytes, outcome: Outcome) -> bool:
+    """Return whether `write_outcome` gives these bytes; they are compared piece by piece, and not written again."""
+    try:
+        parts = msgspec.json.decode(data, type=dict[str, msgspec.Raw])
+        cases, requirements = (msgspec.json.decode(parts[name], type=list[msgspec.Raw]) for name in _LISTS)
+    except (msgspec.MsgspecError, UnicodeError, KeyError):
+        return False
+    rest = msgspec.structs.replace(outcome, cases=(), requirements=())
+    return (
+        _object_text({**parts, **dict.fromkeys(_LISTS, b"[]")}) == write_outcome(rest)
+        and _object_text({**parts, **dict(zip(_LISTS, map(_list_text, (cases, requirements)), strict=True))}) == data
+        and _are(cases, outcome.cases)
+        and _are(requirements, outcome.requirements)
+    )
+
+
+def _are(texts: Sequence[msgspec.Raw], values: Sequence[msgspec.Struct]) -> bool:
+    return len(texts) == len(values) and all(map(is_text_of, map(bytes, texts), values))
+
+
+def _object_text(members: Mapping[str, bytes | msgspec.Raw]) -> bytes:
+    return b"{%b}" % b",".join(b'"%b":%b' % (name.encode(), text) for name, text in members.items())
+
+
+def _list_text(items: Sequence[msgspec.Raw]) -> bytes:
+    return b"[%b]" % b",".join(items)
+
+
+_LISTS = ("cases", "requirements")
 
 
 def read_outcome(data: bytes) -> Outcome:
