@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+import functools
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import pytest
 import sweeps
+from read_once import equal_documents_are_read_once  # noqa: F401 - a fixture
 from told_as_json import bodies, results_as_json
 from workspaces import Ran, agreed, make, module, said_of
 
-from hil.documents import declared
-from hil.documents.strict_yaml import parse_yaml
 from hil.evidence.journal.writer import Journal
+from hil.executive.setup import software
 from hil.model.errors import ConfigurationError
 from hil.model.verdict import Verdict, worst
 
@@ -27,20 +28,14 @@ def _quick_disk():
         yield
 
 
-@pytest.fixture(scope="session", autouse=True)
-def _equal_documents_are_read_once():
-    """Remember the trees of documents without findings: hundreds of workspaces here hold the same bench file."""
-    trees = {}
+_SOURCE = functools.cache(software._source)
 
-    def remembered(data, shown, findings):
-        before = len(findings)
-        tree = trees[data, shown] if (data, shown) in trees else parse_yaml(data, shown, findings)
-        if tree is not None and len(findings) == before:
-            trees[data, shown] = tree
-        return tree
 
+@pytest.fixture(scope="module", autouse=True)
+def _git_is_asked_once_about_the_source():
+    """Remember what git says of this package; that it says so is proven in `tests/unit/executive`."""
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(declared, "parse_yaml", remembered)
+        patched.setattr(software, "_source", _SOURCE)
         yield
 
 

@@ -131,10 +131,10 @@ def test_plain_pytest_refuses_a_root_that_names_cases_otherwise(tmp_path, pytest
     assert workspace.folders() == []
 
 
-def test_plain_pytest_refuses_hardware(tmp_path):
+def test_plain_pytest_refuses_hardware(tmp_path, pytest_here):
     """What reaches out of the process needs `hil run`."""
     workspace = make(tmp_path / "workspace", GOOD)
-    ended = pytest_in(workspace.root, *BENCH, "--source", "hardware")
+    ended = pytest_here(workspace.root, *BENCH, "--source", "hardware")
     assert ended.code == 4
     assert "use hil run" in ended.err
     assert workspace.folders() == []

@@ -5,9 +5,11 @@ from __future__ import annotations
 import os
 import socket
 import tty
+from functools import cache
 from pathlib import Path
 
 from hil.bench.file.reading import load_bench
+from hil.model.bench import BenchSpec
 from hil.simulation.served.bench import ServedBench
 from hil.simulation.served.ends import look
 from hil.simulation.served.server import Server
@@ -39,8 +41,13 @@ class Wall:
 
 def bench_of(name: str) -> ServedBench:
     """Return a bench of this repository, ready to be served."""
-    spec = load_bench(ROOT / "fixtures" / "benches", name, ROOT)
+    spec = _spec_of(name)
     return ServedBench(spec, spec.simulated)
+
+
+@cache  # nobody can change it
+def _spec_of(name: str) -> BenchSpec:
+    return load_bench(ROOT / "fixtures" / "benches", name, ROOT)
 
 
 def serving(folder: Path, name: str = "adcs", **options) -> Server:

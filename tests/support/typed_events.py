@@ -5,6 +5,7 @@ from __future__ import annotations
 import types
 from collections.abc import Iterable, Mapping
 from enum import Enum
+from functools import cache
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 import msgspec
@@ -39,10 +40,15 @@ def outcome_of(fields: Mapping[str, Any]) -> Outcome:
 
 
 def _filled(kind: type[msgspec.Struct], fields: Mapping[str, Any]) -> dict[str, Any]:
-    hints = get_type_hints(kind)
+    hints, required = _fields(kind)
     known = {name: _fill(hints[name], value) if name in hints else value for name, value in fields.items()}
-    blank = {each.name: _blank(hints[each.name]) for each in msgspec.structs.fields(kind) if each.required}
-    return {**blank, **known}
+    return {**{name: _blank(hints[name]) for name in required}, **known}
+
+
+@cache
+def _fields(kind: type[msgspec.Struct]) -> tuple[Mapping[str, Any], tuple[str, ...]]:
+    """Return the type of every field, and the names of those that have to be there."""
+    return get_type_hints(kind), tuple(each.name for each in msgspec.structs.fields(kind) if each.required)
 
 
 def _fill(hint: Any, value: Any) -> Any:

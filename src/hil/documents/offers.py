@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from functools import cache
-from importlib.metadata import EntryPoint, EntryPoints, entry_points
+from importlib.metadata import EntryPoint, entry_points
 from typing import Generic, TypeVar, cast
 
 from hil.documents.suggest import did_you_mean
@@ -37,10 +37,10 @@ class Offers(Generic[_Offer]):
     @property
     def names(self) -> tuple[str, ...]:
         """The names of all offers, sorted; none is imported."""
-        return tuple(sorted(self._found().names))
+        return tuple(self._found())
 
     def __contains__(self, name: object) -> bool:
-        return name in self._found().names
+        return name in self._found()
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.names)
@@ -62,15 +62,15 @@ class Offers(Generic[_Offer]):
     def find(self, name: str) -> _Offer | None:
         """Return the offer of that name, None if it would be refused."""
         try:
-            return self[name] if name in self.names else None
+            return self[name] if name in self._found() else None
         except Refused:
             return None
 
-    def _found(self) -> EntryPoints:
+    def _found(self) -> Mapping[str, Mapping[str, EntryPoint]]:
         return _installed(self.group)
 
     def _only(self, name: str) -> EntryPoint:
-        points = {point.value: point for point in self._found().select(name=name)}
+        points = self._found().get(name, {})
         if not points:
             installed = ", ".join(self.names)
             hint = f"installed are {installed}" if installed else "no package offers any: reinstall hil"
@@ -96,9 +96,10 @@ class Offers(Generic[_Offer]):
 
 
 @cache
-def _installed(group: str) -> EntryPoints:
-    """Return the entry points of a group; looking through all packages takes some milliseconds."""
-    return entry_points(group=group)
+def _installed(group: str) -> Mapping[str, Mapping[str, EntryPoint]]:
+    """Return what a group offers, by name and value; looking through all packages takes some milliseconds."""
+    found = entry_points(group=group)
+    return {name: {point.value: point for point in found.select(name=name)} for name in sorted(found.names)}
 
 
 def _by(point: EntryPoint) -> str:

@@ -15,10 +15,15 @@ def test_kinds_and_fields_are_made_from_the_types():
     assert events_page.with_reference(page) == page, "write it anew: python tests/support/events_page.py"
 
 
+@pytest.fixture(scope="module")
+def rows():
+    """Return the rows of the tables."""
+    return events_page.reference().splitlines()
+
+
 @pytest.mark.parametrize("kind", sorted(KINDS))
-def test_every_kind_is_on_the_page_with_all_its_fields(kind):
+def test_every_kind_is_on_the_page_with_all_its_fields(rows, kind):
     """Each in a row of its own, with its type in JSON."""
-    rows = events_page.reference().splitlines()
     begin = next(place for place, row in enumerate(rows) if row.startswith(f"| **`{kind}`** |"))
     fields = [each for each in msgspec.structs.fields(KINDS[kind]) if each.name not in {"seq", "t"}]
     for row, field in zip(rows[begin + 1 :], fields, strict=False):

@@ -65,3 +65,16 @@ def test_a_module_that_is_loaded_later_holds_no_code_of_the_workspace(monkeypatc
     late.judge = other
     monkeypatch.setitem(sys.modules, late.__name__, late)
     assert told(intact) == [replaced("hil.executive.late.judge")]
+
+
+def test_a_function_that_is_made_later_may_be_given_its_defaults(monkeypatch):
+    """Before anybody looks; from then on they belong to it."""
+    intact = Intact(lambda _file: False)
+    late = ModuleType("hil.executive.late")
+    late.judge = lambda limit: limit
+    late.judge.__defaults__ = (1,)
+    monkeypatch.setitem(sys.modules, late.__name__, late)
+    assert told(intact) == []
+    assert told(intact) == []
+    late.judge.__defaults__ = (2,)
+    assert told(intact) == [replaced("hil.executive.late.judge")]

@@ -1,8 +1,10 @@
 from __future__ import annotations
 
+import sys
 import time
 
 import pytest
+import sweeps
 
 from hil.model.errors import ConfigurationError, HilError
 from hil.requirements.catalogue import load_catalogue
@@ -192,10 +194,11 @@ def test_parents_must_not_run_in_a_circle(workspace):
 
 
 def test_a_long_chain_of_parents_is_no_problem(workspace):
-    """Ten thousand generations are walked without recursion."""
-    lines = [f"- {{id: A-{i:05}, rev: 1, text: T, parents: [A-{i + 1:05}]}}" for i in range(10_000)]
+    """More generations than Python can recurse, in a soak ten thousand, are walked without recursion."""
+    many = sweeps.chosen(2 * sys.getrecursionlimit(), 10_000)
+    lines = [f"- {{id: A-{i:05}, rev: 1, text: T, parents: [A-{i + 1:05}]}}" for i in range(many)]
     workspace.above.write_text(
-        "\n".join(["schema: hil/requirements/1", "requirements:", *lines, "- {id: A-10000, rev: 1, text: T}"])
+        "\n".join(["schema: hil/requirements/1", "requirements:", *lines, f"- {{id: A-{many:05}, rev: 1, text: T}}"])
     )
     workspace.edit("parents: [ADCS-001]", "parents: [A-00000]")
     before = time.perf_counter()

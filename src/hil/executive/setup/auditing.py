@@ -5,17 +5,21 @@ from __future__ import annotations
 import os
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from errno import ENOENT
 from pathlib import Path
-from types import CodeType, FrameType
+from types import CodeType, FrameType, FunctionType
 
 from hil.executive.setup.ground import COMPILED, PRODUCT, Ground
 from hil.executive.setup.inputs import CodeFromOutside, Inputs
 
-__all__ = ["watched"]
+__all__ = ["Recoded", "begin", "recoded", "watched"]
 
+Recoded = tuple[FunctionType, tuple[object, object]]
+"""A function, and its code and defaults before they were changed."""
+
+_RECODES = frozenset({"object.__delattr__", "object.__setattr__"})
 _WRITES = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
 
 
@@ -93,9 +97,30 @@ _watches: list[_Watch] = []
 _hooked: list[bool] = []
 
 
+_recoded: list[Recoded] = []
+
+
 def _hook(event: str, args: tuple[object, ...]) -> None:
+    if event in _RECODES and isinstance(function := args[0], FunctionType):
+        _recoded.append((function, (function.__code__, function.__defaults__)))
     if _watches:
         _watches[-1].take(event, args)
+
+
+def begin() -> int:
+    """Hear every audit event of this process from now on; return how many functions were given other code before."""
+    if not _hooked:  # nobody can take a hook away again
+        sys.addaudithook(_hook)
+        _hooked.append(True)
+    return len(_recoded)
+
+
+def recoded(since: int) -> Sequence[Recoded]:
+    """Return the functions that were given other code or defaults since so many were.
+
+    To look at the code of every function takes long: each look is an audit event of its own.
+    """
+    return _recoded[since:]
 
 
 @contextmanager
@@ -106,9 +131,7 @@ def watched(inputs: Inputs, ground: Ground) -> Iterator[None]:
         inputs: is told.
         ground: the workspace, and what in it is no input of a run.
     """
-    if not _hooked:  # nobody can take a hook away again
-        sys.addaudithook(_hook)
-        _hooked.append(True)
+    begin()
     watch = _Watch(inputs, ground)
     _watches.append(watch)
     try:

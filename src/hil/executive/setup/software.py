@@ -36,6 +36,9 @@ def pinned_environment() -> dict[str, str]:
 
 
 _GIT_TIMEOUT_S = 10
+_COMMIT = "# branch.oid "
+_FIELDS = {"1": 8, "2": 9, "u": 10, "?": 1}
+"""What `git status --porcelain=v2` writes before a path, by its line: changed, renamed, unmerged, untracked."""
 _FLAGS = ("optimize", "dev_mode", "ignore_environment", "isolated", "no_site", "no_user_site", "safe_path")
 """Flags of the interpreter that are frozen; with the first one it leaves assertions out."""
 
@@ -74,7 +77,7 @@ def software_identity(workspace: Path) -> dict[str, object]:
     return {
         "format": 1,
         "hil": {"version": version(), "commit": _source(Path(hil.__file__).parent)},
-        "workspace": {"commit": _commit(workspace), "difference": _git(workspace, "diff", "HEAD")},
+        "workspace": _workspace(workspace),
         "python": platform.python_version(),
         "platform": platform.platform(),
         "packages": dict(_packages()),
@@ -91,9 +94,10 @@ def _packages() -> tuple[tuple[str, str], ...]:
     return tuple(sorted((facts["Name"], facts["Version"]) for facts in told))
 
 
-def _commit(folder: Path) -> dict[str, object]:
-    commit = _git(folder, "rev-parse", "HEAD").strip()
-    return {"id": commit, "changed": bool(commit and _git(folder, "status", "--porcelain").strip())}
+def _workspace(folder: Path) -> dict[str, object]:
+    commit, changed = _status(folder)
+    difference = _git(folder, "diff", "HEAD") if commit else ""
+    return {"commit": {"id": commit, "changed": bool(commit and changed)}, "difference": difference}
 
 
 def _source(package: Path) -> dict[str, object]:
@@ -104,11 +108,17 @@ def _source(package: Path) -> dict[str, object]:
     """
     if not _git(package, "ls-files", "--", "__init__.py"):
         return {"id": "", "changed": False, "files": {}}
-    status = _git(package, "status", "--porcelain", "-z", "--no-renames", "--untracked-files=all", "--", ".")
-    top = Path(_git(package, "rev-parse", "--show-toplevel").removesuffix("\n"))
-    names = [entry[3:] for entry in status.split("\0") if entry]
-    files = {name: _digest(top / name) for name in names}
-    return {"id": _git(package, "rev-parse", "HEAD").strip(), "changed": bool(files), "files": files}
+    commit, names = _status(package, "--no-renames", "--untracked-files=all", "--", ".")
+    top = Path(_git(package, "rev-parse", "--show-toplevel").removesuffix("\n")) if names else package
+    return {"id": commit, "changed": bool(names), "files": {name: _digest(top / name) for name in names}}
+
+
+def _status(folder: Path, *arguments: str) -> tuple[str, list[str]]:
+    """Return the commit that is checked out, empty if there is none, and what differs, by its path in the checkout."""
+    told = _git(folder, "status", "--porcelain=v2", "--branch", "-z", *arguments).split("\0")
+    commit = next((entry.removeprefix(_COMMIT) for entry in told if entry.startswith(_COMMIT)), "")
+    changed = [entry.split(" ", _FIELDS[entry[0]])[-1] for entry in told if entry and entry[0] in _FIELDS]
+    return "" if commit == "(initial)" else commit, changed
 
 
 def _digest(path: Path) -> str:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from types import BuiltinFunctionType, FunctionType, ModuleType
 from typing import NamedTuple
 
+from hil.executive.setup import auditing
 from hil.model.errors import HilError
 
 __all__ = ["Intact", "Replaced"]
@@ -26,12 +27,12 @@ class Replaced(HilError):
 
 
 class _Owner(NamedTuple):
-    """A module or a class: its dotted name, its names as they are now, and what they stood for."""
+    """A module or a class: its dotted name, its names as they are now, what they stood for, and since when."""
 
     named: str
     now: Mapping[str, object]
     then: Mapping[str, object]
-    code: Mapping[str, tuple[object, ...]]
+    since: int
 
 
 class Intact:
@@ -54,11 +55,12 @@ class Intact:
         """Yield an error for every name of the product that stands for something else than before."""
         hint = "measure and judge with what the case is given"
         names = [name for name, module in self._modules.items() if sys.modules.get(name) is not module]
-        names += [f"{owner.named}.{name}" for owner in self._owners for name in _changed(owner)]
+        recoded = {since: _recoded(since) for since in {owner.since for owner in self._owners}}
+        names += [f"{owner.named}.{name}" for owner in self._owners for name in _changed(owner, recoded[owner.since])]
         known = len(self._owners)
         self._take_in()
         late = self._owners[known:]
-        names += [f"{owner.named}.{name}" for owner in late for name in owner.code if self._is_foreign(owner, name)]
+        names += [f"{owner.named}.{name}" for owner in late for name in owner.then if self._is_foreign(owner, name)]
         for name in dict.fromkeys(names):
             yield Replaced(f"code of the workspace replaced {name}, which is a part of hil", hint)
 
@@ -88,18 +90,19 @@ def _owner(named: str, now: Mapping[str, object]) -> _Owner:
         for name, value in list(now.items())
         if name not in _PASSING and (isinstance(value, _CALLED) or (name.isupper() and isinstance(value, _CONSTANTS)))
     }
-    return _Owner(named, now, then, {name: _made_of(each) for name, each in then.items() if type(each) is FunctionType})
+    return _Owner(named, now, then, auditing.begin())
 
 
-def _made_of(function: object) -> tuple[object, ...]:
-    return getattr(function, "__code__", None), getattr(function, "__defaults__", None)
-
-
-def _changed(owner: _Owner) -> Iterator[str]:
+def _changed(owner: _Owner, recoded: frozenset[FunctionType]) -> Iterator[str]:
     now = owner.now
     for name, value in owner.then.items():
-        if now.get(name) is not value:
+        if now.get(name) is not value or (type(value) is FunctionType and value in recoded):
             yield name
-    for name, code in owner.code.items():
-        if _made_of(owner.then[name]) != code:
-            yield name
+
+
+def _recoded(since: int) -> frozenset[FunctionType]:
+    """Return the functions that have other code or defaults than they had first."""
+    first: dict[FunctionType, tuple[object, object]] = {}
+    for function, before in auditing.recoded(since):
+        first.setdefault(function, before)
+    return frozenset(each for each, before in first.items() if (each.__code__, each.__defaults__) != before)

@@ -1,0 +1,5 @@
+"""What the tests of drivers against their peers share."""
+
+from __future__ import annotations
+
+from read_once import equal_documents_are_read_once  # noqa: F401 - a fixture
