@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from hil.executive.cases.steps import Steps
     from hil.instruments.cycler_role import Cycler
     from hil.instruments.roles import Gyroscope, Magnetometer, Obc, Relays, RotationTable, Supply, Thermal
-    from hil.model.errors import Implausible, NoReply, NotInTime, Refused
+    from hil.model.errors import Implausible, NoReply, NotInTime, NotTriggered, Refused
     from hil.model.figure import Figure, FigureStatus
 
 __all__ = [
@@ -31,6 +31,7 @@ __all__ = [
     "Magnetometer",
     "NoReply",
     "NotInTime",
+    "NotTriggered",
     "Obc",
     "Operator",
     "Recorder",
@@ -52,7 +53,7 @@ _MODULES = {
     "executive.cases.steps": ("Steps",),
     "instruments.cycler_role": ("Cycler",),
     "instruments.roles": ("Gyroscope", "Magnetometer", "Obc", "Relays", "RotationTable", "Supply", "Thermal"),
-    "model.errors": ("Implausible", "NoReply", "NotInTime", "Refused"),
+    "model.errors": ("Implausible", "NoReply", "NotInTime", "NotTriggered", "Refused"),
     "model.figure": ("Figure", "FigureStatus"),
 }
 _HOMES = {name: module for module, names in _MODULES.items() for name in names}

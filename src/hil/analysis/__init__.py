@@ -38,6 +38,7 @@ if TYPE_CHECKING:
         widened,
     )
     from hil.analysis.tables import Column, as_csv
+    from hil.analysis.transients import charge, crossing, peak, rise_time, time_above, time_below
 
 __all__ = [
     "Certainty",
@@ -55,6 +56,8 @@ __all__ = [
     "best_average",
     "calibrate",
     "characterise",
+    "charge",
+    "crossing",
     "cycles",
     "deviation",
     "direction",
@@ -70,14 +73,18 @@ __all__ = [
     "not_observable",
     "observed",
     "odd_response",
+    "peak",
     "reading",
     "reproduction",
     "resistance",
     "rest_mean",
+    "rise_time",
     "series",
     "share_known",
     "standard_deviation",
     "summarise",
+    "time_above",
+    "time_below",
     "tripped",
     "widened",
 ]
@@ -103,6 +110,7 @@ _MODULES = {
     "sampling": ("assess",),
     "statistics": ("magnitude", "mean", "not_observable", "observed", "share_known", "standard_deviation", "widened"),
     "tables": ("Column", "as_csv"),
+    "transients": ("charge", "crossing", "peak", "rise_time", "time_above", "time_below"),
 }
 _HOMES = {name: module for module, names in _MODULES.items() for name in names}
 

@@ -80,6 +80,7 @@ class CaseState:
     holds: list[Span[Hold, HoldEnd]] = field(default_factory=list)
     not_run: list[str] = field(default_factory=list)
     dut_fault: bool = False
+    undecided: bool = False
     answers: int = 0
 
     @property
@@ -135,7 +136,8 @@ class CaseState:
                 said = self.end.requirements.get(name) if self.end else None
                 self.earlier.setdefault(name, []).append(said or self.own_verdict)
         self.attempts.append(Span(event))
-        self.end, self.checks, self.steps, self.dut_fault = None, [], [], False
+        self.end, self.checks, self.steps = None, [], []
+        self.dut_fault = self.undecided = False
 
     def finish(self, event: CaseEnd) -> None:
         """End the attempt."""
@@ -298,6 +300,7 @@ class RunState:
                 case.answers += 1
             case Fault():
                 case.dut_fault = case.dut_fault or event.dut
+                case.undecided = case.undecided or event.undecided
 
     def _plan(self, event: Planned) -> None:
         for planned in event.cases:

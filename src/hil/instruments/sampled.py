@@ -1,9 +1,10 @@
-"""Roles that `record` can sample: number by number, or streamed by the device itself."""
+"""Roles that `record` can sample: number by number, streamed by the device itself, or captured around a trigger."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Literal, Protocol
 
 from hil.instruments.role import Role
 
@@ -11,7 +12,18 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["Channel", "Ending", "Patient", "ReadBacks", "Sampled", "StreamReport", "Streamed"]
+__all__ = [
+    "Captured",
+    "Channel",
+    "Ending",
+    "Frame",
+    "Patient",
+    "ReadBacks",
+    "Sampled",
+    "Screen",
+    "StreamReport",
+    "Streamed",
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,4 +132,64 @@ class Ending(Protocol):
     @property
     def over(self) -> bool:
         """Whether the device reported the end of its test, as far as is known; it is not asked."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Screen:
+    """What one channel of a capture can show, in the channel's unit.
+
+    Attributes:
+        probe: the factor between what the instrument sees and the channel's values.
+        resolution: the step of the converter.
+        low: the least value that it has; a sample there may be less.
+        high: the largest one.
+    """
+
+    probe: float
+    resolution: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """A capture that an instrument has finished.
+
+    Attributes:
+        interval: the time between two rows in s.
+        first: the time of the first row in s after the trigger, negative before it.
+        rows: how many there are.
+        channel: the channel that triggered.
+        level: the level of the trigger, in the unit of its channel.
+        slope: of the trigger.
+        screens: of every channel, in their order.
+    """
+
+    interval: float
+    first: float
+    rows: int
+    channel: str
+    level: float
+    slope: Literal["rising", "falling"]
+    screens: tuple[Screen, ...]
+
+
+class Captured(Protocol):
+    """A role that takes samples by itself around its trigger, and is read afterwards."""
+
+    def channels(self) -> tuple[Channel, ...]:
+        """Return the channels, in the order of a row's numbers."""
+        ...
+
+    def complete(self) -> bool:
+        """Return whether the trigger has come, and the samples after it too."""
+        ...
+
+    def frame(self) -> Frame:
+        """Return what was captured."""
+        ...
+
+    def blocks(self, frame: Frame) -> Iterator[NDArray[np.float64]]:
+        """Give the rows in blocks, shape (n, 1 + channels): s after the trigger, channels; reading one is quick."""
         ...

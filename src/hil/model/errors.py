@@ -13,6 +13,8 @@ HilError                      anything a person can cause or must know; never a 
 ├── Tripped                   the envelope was left; the bench is being made safe
 ├── GuardianLost              the guardian is gone, or does not answer; the bench is being made safe
 ├── Diverged                  a case run again asked for something else than the record says
+├── NotInTime                 what a case waited for did not come
+│   └── NotTriggered          an instrument's trigger did not
 └── EvidenceError             a package or journal that is damaged, incomplete or in the way
 """
 
@@ -34,6 +36,7 @@ __all__ = [
     "Misused",
     "NoReply",
     "NotInTime",
+    "NotTriggered",
     "Refused",
     "Rejected",
     "Tripped",
@@ -164,3 +167,19 @@ class Diverged(HilError):
 
 class EvidenceError(HilError):
     """A package or journal that is damaged, incomplete, or in the way."""
+
+
+class NotTriggered(NotInTime):
+    """An instrument was armed, and its trigger did not come in time.
+
+    Bench or DUT, nobody can tell: where a case lets it through, what it did not check is INCONCLUSIVE.
+
+    Args:
+        device: the instrument's name in the bench file.
+        message: what was waited for.
+        hint: what to look at.
+    """
+
+    def __init__(self, device: str, message: str, hint: str = "") -> None:
+        super().__init__(message, hint)
+        self.device = device

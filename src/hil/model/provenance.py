@@ -42,6 +42,7 @@ class Provenance:
         by: what became of it, such as `resistance`.
         unproven: why it proves nothing, a sentence each.
         uncovered: what no certificate covers, a sentence each.
+        doubts: why the data cannot be trusted, a sentence each; a check of them is INCONCLUSIVE.
         numbers: those that the plan wrote and computed with, at most `MOST_NUMBERS`.
         issued: the numbers of the figure that it was issued for; a changed copy of that figure has others.
     """
@@ -51,6 +52,7 @@ class Provenance:
     by: tuple[str, ...] = ()
     unproven: tuple[str, ...] = ()
     uncovered: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()
     numbers: tuple[float, ...] = ()
     issued: Issued | None = None
 
@@ -123,6 +125,7 @@ def _both(one: Provenance, other: Provenance) -> Provenance:
         by=_union(one.by, other.by),
         unproven=_union(_union(one.unproven, other.unproven), too_many),
         uncovered=_union(one.uncovered, other.uncovered),
+        doubts=_union(one.doubts, other.doubts),
         numbers=numbers[:MOST_NUMBERS],
     )
 

@@ -21,7 +21,8 @@ class SimulatedLine(Stateful):
 
     Both directions take the time that their bits take at `baud`; 0 stands for a network, whose
     latency is the peer's own. What the host does not fetch overflows after `buffer` bytes: the
-    bytes are lost, as they are in a driver's ring, and counted in `lost`.
+    bytes are lost, as they are in a driver's ring, and counted in `lost`. Of a network they wait at
+    the other end, and nothing is lost.
 
     Args:
         device: the instrument's name, for messages.
@@ -164,10 +165,21 @@ class SimulatedLine(Stateful):
             return
         received = self._received
         before = len(received)
+        waits = self._open and not self._ns_per_byte
         while way and way[0][0] <= now_ns:
+            if waits and len(received) + len(way[0][1]) > self._buffer:
+                self._fill(received)
+                return
             received += way.popleft()[1]
         if not self._open:
             del received[before:]
         elif (surplus := len(received) - self._buffer) > 0:
             self._lost += surplus
             del received[self._buffer :]
+
+    def _fill(self, received: bytearray) -> None:
+        """Take as much of the next message as there is room for."""
+        arrives_ns, data = self._on_the_way[0]
+        room = self._buffer - len(received)
+        received += data[:room]
+        self._on_the_way[0] = (arrives_ns, data[room:])

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from hil.evidence.events import bench, cases, event, people, run
+from hil.evidence.events import bench, cases, event, people, recordings, run
 from hil.evidence.events.bench import *  # noqa: F403 - every kind is named once, where it is defined
 from hil.evidence.events.cases import *  # noqa: F403
 from hil.evidence.events.event import *  # noqa: F403
 from hil.evidence.events.people import *  # noqa: F403
+from hil.evidence.events.recordings import *  # noqa: F403
 from hil.evidence.events.run import *  # noqa: F403
 
 __all__: list[str] = []
@@ -14,4 +15,5 @@ __all__ += bench.__all__
 __all__ += cases.__all__
 __all__ += event.__all__
 __all__ += people.__all__
+__all__ += recordings.__all__
 __all__ += run.__all__

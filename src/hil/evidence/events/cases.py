@@ -1,4 +1,4 @@
-"""Events of a case: its attempts and steps, what it did, recorded and checked."""
+"""Events of a case: its attempts and steps, what it did and checked."""
 
 from __future__ import annotations
 
@@ -15,16 +15,12 @@ __all__ = [
     "Bounds",
     "Case",
     "CaseEnd",
-    "Channel",
     "Check",
     "Effect",
     "Fault",
     "FrozenLater",
     "NotRun",
     "Question",
-    "Recording",
-    "RecordingEnd",
-    "Rows",
     "Step",
     "StepEnd",
 ]
@@ -209,82 +205,6 @@ class Answer(Event, frozen=True, kw_only=True):
     synced: ClassVar[bool] = True
 
 
-class Channel(Part, frozen=True, kw_only=True):
-    """One channel of a recording.
-
-    Attributes:
-        name: its name.
-        unit: the unit of its values.
-        instrument: what measured it.
-        calibration: the instrument's certificate, empty without one.
-        uncertainty: standard uncertainty in its unit, null if unknown.
-    """
-
-    name: str
-    unit: str
-    instrument: str
-    calibration: str
-    uncertainty: float | None
-
-
-class Recording(Event, frozen=True, kw_only=True):
-    """A recording begins.
-
-    Attributes:
-        recording: its id, which names its file.
-        name: its name in the case, or that of the limit of the envelope.
-        case: its case, null for a recording outside all cases.
-        step: the number of its step, null outside all cases.
-        channels: the channels, in the order of its columns.
-        rate: rows per second of bench time.
-        duration: bench time in s that it is to last, null if it has no end of its own.
-        source: where its bytes come from.
-        continues: whether a run that was stopped in it continues it, with a gap.
-    """
-
-    recording: str
-    name: str
-    case: str | None
-    step: str | None
-    channels: tuple[Channel, ...]
-    rate: float
-    duration: float | None
-    source: Source
-    continues: bool = False
-
-
-class Rows(Event, frozen=True, kw_only=True):
-    """The running hash of a recording, every 65,536 rows.
-
-    Attributes:
-        recording: its id.
-        rows: how many rows it has.
-        sha256: the hash over them.
-    """
-
-    recording: str
-    rows: int
-    sha256: str
-
-
-class RecordingEnd(Event, frozen=True, kw_only=True):
-    """A recording has ended.
-
-    Attributes:
-        recording: its id.
-        rows: how many rows it has.
-        sha256: the hash over them.
-        complete: whether it lasted as long as it was to.
-        gaps: the largest time between two rows in s.
-    """
-
-    recording: str
-    rows: int
-    sha256: str
-    complete: bool
-    gaps: float
-
-
 class Bounds(Part, frozen=True, kw_only=True):
     """The limit of a check as the catalogue writes it, in `limit_unit`.
 
@@ -371,6 +291,7 @@ class Fault(Event, frozen=True, kw_only=True):
         error: the kind of fault.
         message: what was expected and what came.
         hint: what to do next.
+        undecided: whether nobody can tell if bench or DUT is to blame: what depends on it is INCONCLUSIVE.
     """
 
     case: str
@@ -379,5 +300,6 @@ class Fault(Event, frozen=True, kw_only=True):
     error: str
     message: str
     hint: str
+    undecided: bool = False
 
     synced: ClassVar[bool] = True

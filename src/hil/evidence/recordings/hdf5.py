@@ -43,6 +43,7 @@ __all__ = [
 ]
 
 _TIME = {"unit": "s", "meaning": "bench time"}
+_TIME_OF_CAPTURE = {"unit": "s", "meaning": "time after the trigger"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,7 +54,7 @@ class Recorded:
         id: its id in the run.
         name: the name that the case gave it.
         rate: nominal rate in Hz.
-        time: bench time of every row in s, shape (rows,).
+        time: bench time of every row in s, of a capture the time after its trigger, shape (rows,).
         arrays: per channel its numbers, shape (rows,); NaN where the device marked a sample invalid.
         units: per channel its unit.
         instruments: per channel the instrument it came from.
@@ -130,7 +131,7 @@ def write_hdf5(found: RowsFile, path: Path, *, begun: Recording, ended: Recordin
         describe(file.id, {**_facts(begun, ended), "order": names or [""]})
         group = file.create_group("channels")
         sets = [add_dataset(file, "time", found.rows), *(add_dataset(group, name, found.rows) for name in names)]
-        for dataset, facts in zip(sets, [_TIME, *map(_facts_of_channel, begun.channels)], strict=True):
+        for dataset, facts in zip(sets, [_facts_of_time(begun), *map(_facts_of_channel, begun.channels)], strict=True):
             describe(dataset, facts)
         for place, block in enumerate(row_blocks(found, PIECE)):
             for dataset, column in zip(sets, table(block, found.width).T.copy(), strict=True):
@@ -266,7 +267,7 @@ def differing_facts(path: Path, *, begun: Recording, ended: RecordingEnd) -> Ite
         import h5py  # noqa: PLC0415 - slow to import
 
         due = [(h5py.h5i.get_file_id(sets["time"]), "", _facts(begun, ended) | {"order": names or [""]})]
-        facts = [_TIME, *map(_facts_of_channel, begun.channels)]
+        facts = [_facts_of_time(begun), *map(_facts_of_channel, begun.channels)]
         due += [(dataset, f"{name}: ", each) for (name, dataset), each in zip(sets.items(), facts, strict=True)]
         for thing, where, right in due:
             told, known = told_of(thing), {key: value for key, value in right.items() if value is not None}
@@ -323,11 +324,22 @@ def _sets(file: Any) -> dict[str, Dataset]:  # noqa: ANN401 - h5py publishes no 
 def _facts(begun: Recording, ended: RecordingEnd) -> dict[str, Any]:
     facts = {key: getattr(begun, key) for key in ("recording", "name", "case", "step", "rate", "duration", "source")}
     facts |= {key: getattr(ended, key) for key in ("rows", "sha256", "complete", "gaps")}
+    if begun.capture is not None:
+        of_capture = {"interval": "interval", "trigger_channel": "channel", "trigger_level": "level"}
+        of_capture |= {"trigger_slope": "slope", "first": "first"}
+        facts |= {key: getattr(begun.capture, name) for key, name in of_capture.items()}
     return {"format": 1} | {key: _as_json(value) for key, value in facts.items()}
 
 
+def _facts_of_time(begun: Recording) -> dict[str, Any]:
+    return _TIME if begun.capture is None else _TIME_OF_CAPTURE
+
+
+_OF_CHANNEL = ("calibration", "instrument", "uncertainty", "unit", "probe", "resolution", "low", "high")
+
+
 def _facts_of_channel(channel: Channel) -> dict[str, Any]:
-    return {key: _as_json(getattr(channel, key)) for key in ("calibration", "instrument", "uncertainty", "unit")}
+    return {key: _as_json(getattr(channel, key)) for key in _OF_CHANNEL}
 
 
 def _as_json(value: object) -> object:

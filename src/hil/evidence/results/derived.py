@@ -208,7 +208,7 @@ def _within(identifier: str, case: CaseState, facts: Facts, form: int) -> Verdic
     return rule(
         found,
         missing=not checks or not due <= {(check.parameter, check.of) for check in checks} or not recorded,
-        silent=silence(limit.parameter for limit in limits) if case.dut_fault else None,
+        silent=silence([limit.parameter for limit in limits], dut=case.dut_fault, undecided=case.undecided),
         taken_out=own is Verdict.NOT_RUN,
         ended=own,
     )

@@ -42,6 +42,14 @@ def rule(
     return worst(found)
 
 
-def silence(parameters: Iterable[str]) -> Verdict:
-    """Return the verdict on a requirement, by the parameters of its limits, whose device fell silent."""
-    return Verdict.FAIL if ANSWERS in parameters else Verdict.INCONCLUSIVE
+def silence(parameters: Iterable[str], *, dut: bool, undecided: bool) -> Verdict | None:
+    """Return the verdict that silence gives a requirement, by the parameters of its limits; None without any.
+
+    Args:
+        parameters: of its limits.
+        dut: whether the device under test fell silent.
+        undecided: whether what should have happened did not, and nobody can tell if bench or DUT is to blame.
+    """
+    if dut and ANSWERS in parameters:
+        return Verdict.FAIL
+    return Verdict.INCONCLUSIVE if dut or undecided else None

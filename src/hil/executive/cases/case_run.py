@@ -23,7 +23,7 @@ from hil.executive.ending.stop import Stopped
 from hil.executive.setup.head import PlannedCase
 from hil.executive.watching.scheduler import CaseTimeout, Scheduler
 from hil.model.bench import InstrumentSpec
-from hil.model.errors import DeviceFault, Diverged, HilError, Implausible
+from hil.model.errors import DeviceFault, Diverged, HilError, Implausible, NotTriggered
 from hil.model.identity import Source
 from hil.model.verdict import NO_CHECK, Verdict, worst
 from hil.requirements.requirement import Requirement
@@ -67,6 +67,7 @@ class CaseRun(OfThisProcess):
     """The attempts of this case that ended without a verdict when the run was interrupted."""
     _bench_faults: list[str] = field(default_factory=list)
     _dut_faults: list[str] = field(default_factory=list)
+    _undecided: list[str] = field(default_factory=list)
     _problems: list[str] = field(default_factory=list)
     _raised: list[BaseException] = field(default_factory=list)
     _refused: list[HilError] = field(default_factory=list)
@@ -125,6 +126,8 @@ class CaseRun(OfThisProcess):
             return
         elif isinstance(error, Implausible):
             self._distrusted(error)
+        elif isinstance(error, NotTriggered):
+            self._untriggered(error)
         elif not isinstance(error, CheckFailed):
             name = "" if isinstance(error, HilError) else f"{type(error).__name__}: "  # ours are sentences
             told = writable(_ADDRESS.sub("", f"{name}{error}".rstrip(": ")))
@@ -169,7 +172,7 @@ class CaseRun(OfThisProcess):
         requirements = {name: self._requirement(item, ended) for name, item in self.requirements.items()}
         case = ended or worst(requirements.values() or ([Verdict.NOT_RUN] if self._skipped else []))
         trip = [self.scheduler.tripped.text] if self.scheduler.tripped else []
-        told = (*counted, *trip, *problems, *self._bench_faults, *self._dut_faults, *reasons)
+        told = (*counted, *trip, *problems, *self._bench_faults, *self._dut_faults, *self._undecided, *reasons)
         if not requirements and not self._skipped:
             told = (*told, "the case carries no requirement")
         reasons = tuple(dict.fromkeys([*([self._aborted] if self._aborted else []), *told]))
@@ -185,7 +188,12 @@ class CaseRun(OfThisProcess):
         self._write_fault(fault, dut=False)
         self._bench_faults.append(str(fault))
 
-    def _write_fault(self, fault: DeviceFault, *, dut: bool) -> None:
+    def _untriggered(self, error: NotTriggered) -> None:
+        """Note that an instrument waited in vain: for bench or DUT, nobody can tell."""
+        self._write_fault(error, dut=False, undecided=True)
+        self._undecided.append(str(error))
+
+    def _write_fault(self, fault: DeviceFault | NotTriggered, *, dut: bool, undecided: bool = False) -> None:
         self.journal.write(
             events.Fault(
                 case=self.planned.id,
@@ -194,6 +202,7 @@ class CaseRun(OfThisProcess):
                 error=type(fault).__name__,
                 message=fault.message,
                 hint=fault.hint,
+                undecided=undecided,
             )
         )
 
@@ -206,7 +215,11 @@ class CaseRun(OfThisProcess):
         return rule(
             [item.verdict for item in (*self.check.kept, *self.check.evaluated) if item.requirement == requirement.id],
             missing=bool(self._missing(requirement) or self._unrecorded(requirement)),
-            silent=silence(limit.parameter for limit in requirement.limits) if self._dut_faults else None,
+            silent=silence(
+                [limit.parameter for limit in requirement.limits],
+                dut=bool(self._dut_faults),
+                undecided=bool(self._undecided),
+            ),
             taken_out=bool(self._skipped),
             ended=ended,
         )

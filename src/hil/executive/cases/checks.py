@@ -219,6 +219,7 @@ class Checks(OfThisProcess):
         if reason and not judgement.verdict.good:
             judgement = replace(judgement, reason=reason)
         missing = behind.provenance.uncovered if behind.provenance else ()
+        doubts = tuple(dict.fromkeys((*doubts, *(behind.provenance.doubts if behind.provenance else ()))))
         if missing and limit.bounded and limit.decision is Decision.GUARDED:
             judgement = replace(judgement, verdict=Verdict.INCONCLUSIVE, reason="; ".join(missing))
         if doubts:

@@ -13,7 +13,7 @@ from hil.executive.cases.effects import Effects
 from hil.executive.cases.escapes import OfThisProcess
 from hil.instruments.registry import ROLES
 from hil.instruments.role import Operation
-from hil.instruments.sampled import ReadBacks, Sampled, Streamed
+from hil.instruments.sampled import Captured, ReadBacks, Sampled, Streamed
 from hil.model.bench import BenchSpec, InstrumentSpec, Wire
 from hil.model.errors import ClampExceeded, DeviceFault, HilError, Misused, Refused
 from hil.model.figure import Figure
@@ -121,6 +121,11 @@ class Facade(OfThisProcess):
     def streamed(self) -> Streamed | None:
         """The role as `record` lets it run by itself, None if it cannot."""
         return self._role if hasattr(self._role, "drain") else None  # type: ignore[return-value]  # it was looked at
+
+    @property
+    def captured(self) -> Captured | None:
+        """The role as `record.capture` reads it, None if it captures nothing by itself."""
+        return self._role if hasattr(self._role, "blocks") else None  # type: ignore[return-value]  # it was looked at
 
     def sample(self) -> tuple[float, ...]:
         """Take one sample; a fault is reported before it is raised."""

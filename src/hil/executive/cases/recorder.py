@@ -13,18 +13,19 @@ from hil.clock.port import FOREVER_NS, NANOSECONDS
 from hil.documents.text import name_problem
 from hil.evidence import events
 from hil.evidence.recordings.hdf5 import Recorded, read_recording
+from hil.executive.cases.capturing import Capturing
 from hil.executive.cases.certificate import standard_uncertainty, uncovered
 from hil.executive.cases.during import During
 from hil.executive.cases.effects import Effects
 from hil.executive.cases.escapes import OfThisProcess
 from hil.executive.cases.facade import Facade, RoleSet
-from hil.executive.cases.recording import Recording
+from hil.executive.cases.recording import Recording, clipped
 from hil.executive.cases.steps import Steps, file_part
 from hil.executive.cases.streaming import SampledTurns, StreamTurns
 from hil.executive.cases.taking import Taking
 from hil.executive.journaling.row_store import RowStore
 from hil.executive.watching.scheduler import Scheduler
-from hil.instruments.sampled import StreamReport
+from hil.instruments.sampled import Frame, StreamReport
 from hil.model.errors import Misused
 from hil.model.identity import Source
 from hil.model.provenance import Provenance
@@ -118,6 +119,35 @@ class Recorder(OfThisProcess):
         self._beside.append(taking)
         return During(taking, self._effects, self._scheduler, self)
 
+    def capture(self, name: str, source: Facade, *, within: float) -> Recording:
+        """Wait until the trigger of an armed oscilloscope has come, and record what it captured.
+
+        The times of the rows count from the trigger, in s. A channel whose samples reach an end of the screen judges
+        nothing: a check of it is INCONCLUSIVE.
+
+        Args:
+            name: of the recording.
+            source: the role, armed before.
+            within: how long to wait for the trigger, and for the samples after it [s].
+
+        Raises:
+            NotTriggered: it did not come in time; where a case lets that through, what it did not check is
+                INCONCLUSIVE.
+            Misused: for something that is not a role of this case, or captures nothing.
+            DeviceFault: the instrument falls silent; what was read is kept as incomplete.
+        """
+        self._require(name, (source,), within > 0, 1.0)
+        if (role := source.captured) is None:
+            raise Misused(
+                f"record '{name}': {source.wire.name} captures nothing by itself", "use record or its `during`"
+            )
+        arguments = {"within": within, "channels": [channel.name for channel in role.channels()]}
+        capturing = Capturing(name, source, role, self._scheduler, self._store)
+        self._effects.perform(
+            f"record.{name}", "records", arguments, lambda: capturing.take(within, self._captured_facts)
+        )
+        return self._finished(capturing.facts, (source,), None)
+
     def keep(self, taking: Taking) -> Recording:
         """Keep a recording that is whole, for the requirements that ask for it, and return it."""
         return self._finished(taking.facts, taking.sources, taking.report)
@@ -159,6 +189,18 @@ class Recorder(OfThisProcess):
             duration=duration,
             source=self._source,
         )
+
+    def _captured_facts(self, name: str, source: Facade, frame: Frame) -> events.Recording:
+        """Return what is known of a capture before its first row."""
+        facts = self._facts(name, (source,), 1 / frame.interval, frame.rows * frame.interval)
+        screens = [{key: getattr(each, key) for key in _OF_SCREEN} for each in frame.screens]
+        channels = [
+            msgspec.structs.replace(each, **screen) for each, screen in zip(facts.channels, screens, strict=True)
+        ]
+        capture = events.Capture(
+            interval=frame.interval, first=frame.first, channel=frame.channel, level=frame.level, slope=frame.slope
+        )
+        return msgspec.structs.replace(facts, channels=tuple(channels), capture=capture)
 
     def _require_own(self, name: str, source: object) -> None:
         """Refuse what is not a role of this case, or is recorded already: its numbers would come from nowhere."""
@@ -205,7 +247,7 @@ class Recorder(OfThisProcess):
         recorded = replace(read_recording(self._store.recordings, facts, None), complete=True)
         voids = self._store.voids(facts.recording)
         uncertainties, provenances = _known(facts, recorded, sources)
-        recording = Recording(recorded, uncertainties, provenances, report, voids)
+        recording = Recording(recorded, uncertainties, provenances, report, voids, facts)
         taken = {"facts": facts, "recorded": recorded, "voids": voids, "provenances": provenances}
         self._taken.append(taken)
         return recording
@@ -221,8 +263,11 @@ def _channels(sources: tuple[Facade, ...]) -> tuple[events.Channel, ...]:
             uncertainty=standard_uncertainty(source.instrument.calibration, channel.unit, 0.0),
         )
         for source in sources
-        for channel in source.sampled.channels()
+        for channel in (source.captured or source.sampled).channels()
     )
+
+
+_OF_SCREEN = ("probe", "resolution", "low", "high")
 
 
 def _known(
@@ -230,7 +275,7 @@ def _known(
 ) -> tuple[dict[str, float | None], dict[str, Provenance]]:
     """Return by channel what the certificates say at its largest reading, the least certain one, and its provenance."""
     instruments = {source.instrument.name: source.instrument for source in sources}
-    uncertainties, provenances = {}, {}
+    uncertainties, provenances, doubted = {}, {}, clipped(facts, recorded)
     for channel in facts.channels:
         instrument, ends = instruments[channel.instrument], _ends(recorded[channel.name])
         largest = max(ends, key=abs)
@@ -239,6 +284,7 @@ def _known(
             instruments=(instrument.name,),
             sources=(f"recording {facts.name}, {channel.name}",),
             uncovered=uncovered(instrument, channel.unit, *ends),
+            doubts=(doubted[channel.name],) if channel.name in doubted else (),
         )
     return uncertainties, provenances
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["Criterion", "Recording", "behind_channels", "data_checks", "recorded_as"]
+__all__ = ["Criterion", "Recording", "behind_channels", "clipped", "data_checks", "recorded_as"]
 
 
 class Recording:
@@ -27,6 +27,7 @@ class Recording:
         id: its id in the run.
         rate: nominal samples per second.
         stream: how the stream went, None if the samples were taken one by one.
+        capture: what an instrument captured by itself, around its trigger; None for any other recording.
         provenance: of all channels together; each channel has its own.
     """
 
@@ -37,6 +38,7 @@ class Recording:
         provenances: Mapping[str, Provenance],
         stream: StreamReport | None = None,
         voids: Sequence[events.Voided] = (),
+        facts: events.Recording | None = None,
     ) -> None:
         self._recorded = recorded
         self._voids = voids
@@ -46,11 +48,13 @@ class Recording:
         self._provenances = provenances
         self.provenance = merged(*provenances.values()) or Provenance()
         self._times = Provenance(instruments=self.provenance.instruments, sources=(f"recording {recorded.name}",))
+        self.capture = facts and facts.capture
+        self._steps = {each.name: each.resolution for each in facts.channels} if facts else {}
         self.stream = stream and cast("StreamReport", stamped(stream, self._times))
 
     @property
     def time(self) -> NDArray[np.float64]:
-        """Bench time of every sample in s, shape (samples,); it cannot be written to."""
+        """Bench time of every sample in s, of a capture the time after its trigger, shape (samples,); read-only."""
         return _known(_read_only(self._recorded.time), self._times)
 
     @property
@@ -84,6 +88,11 @@ class Recording:
         found = self._uncertainties[channel]
         return None if found is None else Number(found, self._provenances[channel])
 
+    def resolution(self, channel: str) -> float | None:
+        """Return the step of the converter behind one channel of a capture, None for any other recording."""
+        found = self._steps.get(channel)
+        return None if found is None else Number(found, self._provenances[channel])
+
 
 def _known(array: NDArray[np.float64], provenance: Provenance) -> NDArray[np.float64]:
     from hil.analysis.tracing import samples  # noqa: PLC0415 - slow to import
@@ -96,6 +105,23 @@ def _read_only(array: NDArray[np.float64]) -> NDArray[np.float64]:
     view = array.view()
     view.flags.writeable = False
     return view
+
+
+def clipped(facts: events.Recording, recorded: Recorded) -> dict[str, str]:
+    """Return a sentence for every channel of a capture whose samples reach an end of what its instrument can show."""
+    found: dict[str, str] = {}
+    for channel in facts.channels:
+        if channel.low is None or channel.high is None or channel.name not in recorded.channels:
+            continue
+        half = (channel.resolution or 0.0) / 2
+        below = int((recorded[channel.name] <= channel.low + half).sum())
+        above = int((recorded[channel.name] >= channel.high - half).sum())
+        if below or above:
+            found[channel.name] = (
+                f"{channel.name} of {channel.instrument} is clipped: {below + above} of {len(recorded)} samples are at"
+                f" the ends of {channel.low:.6g} to {channel.high:.6g} {channel.unit}"
+            )
+    return found
 
 
 Criterion = tuple[Limit, Figure | str, str]
@@ -129,6 +155,7 @@ def data_checks(records: Records, taken: Sequence[Mapping[str, object]]) -> Iter
     if not all(item.complete for item in found):
         yield _word("end", "complete"), "incomplete", ""
     yield from _not_finite(records, found)
+    yield from _clipped(records, named)
     ends = [_ends_of_voids(item) for item in named]
     spans = [_span(item, without) for item, without in zip(found, ends, strict=True)]
     if records.duration_s is not None:
@@ -181,6 +208,15 @@ def _not_finite(records: Records, found: Sequence[Recorded]) -> Iterator[Criteri
         named = ", ".join(f"{channel} {number}" for channel, number in counts.items() if number)
         figure = Figure(value=float(count), unit="1", status=FigureStatus.NOT_OBSERVABLE)
         yield _at_most("not_finite", 0, "1"), figure, f"{count} of {samples} samples are not finite: {named}"
+
+
+def _clipped(records: Records, named: Sequence[Mapping[str, object]]) -> Iterator[Criterion]:
+    """Yield the number of channels that left their screen, where there are any: what they were is not known."""
+    told = [clipped(cast("events.Recording", item["facts"]), cast("Recorded", item["recorded"])) for item in named]
+    sentences = [each[channel] for each in told for channel in records.channels if channel in each]
+    if sentences:
+        figure = Figure(value=float(len(sentences)), unit="1", status=FigureStatus.NOT_OBSERVABLE)
+        yield _at_most("clipped", 0, "1"), figure, "; ".join(sentences)
 
 
 def _invalid(samples: NDArray[np.float64]) -> int:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
-from hil.evidence.events import Fed, Recording
+from hil.evidence.events import Capture, Fed, Recording
 from hil.report.drawing.checks import short
 from hil.report.drawing.panel import (
     TITLE,
@@ -39,8 +39,10 @@ _MOST_DRAWINGS = 40  # of recordings, for the same reason
 _ABOVE, _BELOW, _BETWEEN, _HEIGHT = 260, 380, 180, 1_200
 _ENTRY = 150  # the height of one name beside a panel
 _NAME = 24
+_MARK = 160  # the length of the mark at the trigger's level
 _KINDS = 4  # of colours, and of dashes: together they tell sixteen channels apart
 _TIMES = ((7200.0, 3600.0, "h"), (300.0, 60.0, "min"))
+_SHORT = ((2.0, 1.0, "s"), (2e-3, 1e-3, "ms"), (2e-6, 1e-6, "µs"))
 
 
 def recording_graphics(
@@ -51,6 +53,9 @@ def recording_graphics(
     fed: Sequence[Fed] = (),
 ) -> Mapping[str, tuple[Graphic, ...]]:
     """Return by case the drawings of its recordings; those with the same channels share one over bench time.
+
+    A capture has one of its own, over the time after its trigger, and no limits behind it: those of checks speak of
+    figures made of it, not of every sample.
 
     Args:
         material: where the samples are.
@@ -63,22 +68,32 @@ def recording_graphics(
     groups: dict[tuple[str, object], list[Recording]] = {}
     for recording in recordings:
         channels = tuple((channel.name, channel.unit) for channel in recording.channels)
-        groups.setdefault((recording.case or "", channels), []).append(recording)
+        own = recording.recording if recording.capture else ""
+        groups.setdefault((recording.case or "", (channels, own)), []).append(recording)
     drawn = list(groups.items())[:_MOST_DRAWINGS]
     share = _ALL_POINTS // max(sum(len(members[0].channels) for _, members in drawn), 1)
     points = max(_FEWEST_POINTS, min(_MOST_POINTS, share))
     graphics: dict[str, tuple[Graphic, ...]] = {}
     for (case, _), members in drawn:
-        found = _bands(case, members, judged.get(case, ()), envelope, fed)
+        found = [] if members[0].capture else _bands(case, members, judged.get(case, ()), envelope, fed)
         graphics[case] = graphics.get(case, ()) + _drawn(material, members, found, points)
     return graphics
 
 
-def draw_traces(title: str, traces: Sequence[Trace], bands: Sequence[Band]) -> str:
-    """Return the channels over time as SVG, one panel per unit, with the limit bands of that unit behind them."""
+def draw_traces(title: str, traces: Sequence[Trace], bands: Sequence[Band], capture: Capture | None = None) -> str:
+    """Return the channels over time as SVG, one panel per unit, with the limit bands of that unit behind them.
+
+    Args:
+        title: what stands above.
+        traces: the channels.
+        bands: the limits.
+        capture: what makes it a capture; its trigger is marked, and times count from there.
+    """
     panels = [[trace for trace in traces if trace.unit == unit] for unit in dict.fromkeys(t.unit for t in traces)]
     begin, end = spread([time for trace in traces for time in _ends(trace)], 0.01)
-    scale, word = next(((size, name) for long, size, name in _TIMES if end - begin > long), (1.0, "s"))
+    sizes, least = (_SHORT, (1e-9, "ns")) if capture else (_TIMES, (1.0, "s"))
+    scale, word = next(((size, name) for long, size, name in sizes if end - begin > long), least)
+    time = "time after the trigger" if capture else "bench time"
     ranges = [_extent(own, [band for band in bands if band.unit == own[0].unit]) for own in panels]
     named = [width_of(plain(trace.name, _NAME)) + 520 for own in panels if len(own) > 1 for trace in own]
     right = WIDTH - max(named, default=120)
@@ -90,13 +105,25 @@ def draw_traces(title: str, traces: Sequence[Trace], bands: Sequence[Band]) -> s
         bottom = top + max(_HEIGHT, _ENTRY * len(own))
         panel = Panel(x=across, y=Scale(low=low, high=high, first=bottom, last=top))
         draw_limits(sheet, panel, [band for band in bands if band.unit == own[0].unit], upright=False)
-        panel.across(sheet, 9, labelled=own is panels[-1], title=across.titled(f"bench time / {word}"))
+        panel.across(sheet, 9, labelled=own is panels[-1], title=across.titled(f"{time} / {word}"))
         panel.upward(sheet, _ticks(low, high), grid=True)
         unit = panel.y.titled(own[0].unit) or "1"
         panel.named(sheet, f"{own[0].name} / {unit}" if len(own) == 1 else unit)
+        if capture:
+            _trigger(sheet, panel, capture, [trace.name for trace in own])
         _lines(sheet, panel, own, scale)
         top = bottom + _BETWEEN
     return sheet.svg(title, top - _BETWEEN + _BELOW)
+
+
+def _trigger(sheet: Sheet, panel: Panel, capture: Capture, names: Sequence[str]) -> None:
+    """Mark the time zero, and on the channel that triggered its level."""
+    if panel.x.low <= 0 <= panel.x.high:
+        place = panel.x.at(0.0)
+        sheet.line("axis", (place, panel.y.first), (place, panel.y.last))
+    if capture.channel in names and panel.y.low <= capture.level <= panel.y.high:
+        level = panel.y.at(capture.level)
+        sheet.line("axis", (panel.x.first, level), (panel.x.first + _MARK, level))
 
 
 def _drawn(
@@ -113,7 +140,11 @@ def _drawn(
     each = max(points // len(parts), 4)
     joined = [_joined([traces[place] for traces in parts], each) for place in range(len(parts[0]))]
     described = "; ".join(_told([traces[place] for traces in parts]) for place in range(len(parts[0])))
-    return (Graphic(title=title, described=described, svg=draw_traces(title, joined, bands)),)
+    capture = recordings[0].capture
+    if capture:
+        level = with_unit(number(capture.level, 4), next((t.unit for t in joined if t.name == capture.channel), ""))
+        described += f"; triggered by {capture.channel}, {capture.slope} through {level}"
+    return (Graphic(title=title, described=described, svg=draw_traces(title, joined, bands, capture)),)
 
 
 def _joined(pieces: Sequence[Trace], points: int) -> Trace:

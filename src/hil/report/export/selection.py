@@ -84,7 +84,8 @@ def facts_of(package: Package, verified: Verification, begun: Recording) -> Fact
         "rows_sha256": ended.sha256,
         "largest_gap": ended.gaps,
         "stream": _stream(package, begun, ended),
-        "time": "bench time in s from the beginning of the run",
+        "time": "time in s after the trigger" if begun.capture else "bench time in s from the beginning of the run",
+        **({"capture": plain(begun.capture)} if begun.capture else {}),
         "channels": [_channel(channel, package.calibration()) for channel in begun.channels],
         "recorded_by": f"hil {run.version}",
         "exported_by": f"hil {importlib.metadata.version('hil')}",
@@ -122,6 +123,7 @@ def _mark(sources: set[Source]) -> str:
 
 def _channel(channel: Channel, calibration: Calibration) -> Facts:
     record = calibration.get(channel.instrument)
+    screen = {key: getattr(channel, key) for key in ("probe", "resolution", "low", "high")}
     return {
         "name": channel.name,
         "unit": channel.unit,
@@ -129,6 +131,7 @@ def _channel(channel: Channel, calibration: Calibration) -> Facts:
         "uncertainty": channel.uncertainty,
         "calibration": channel.calibration or (record.certificate if record else None),
         "calibration_due": record.due if record else None,
+        **{key: value for key, value in screen.items() if value is not None},
     }
 
 

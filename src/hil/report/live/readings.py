@@ -78,7 +78,8 @@ class Readings:
 
     def newest(self, outlook: Outlook) -> list[Reading]:
         """Return the newest value of every channel of the open recordings, and let the outlook know their time."""
-        begun = dict(sorted(outlook.recordings.items(), key=lambda item: item[1].case is None))
+        timed = [item for item in outlook.recordings.items() if item[1].capture is None]
+        begun = dict(sorted(timed, key=lambda item: item[1].case is None))
         rows = {name: row for name, event in begun.items() if (row := self._last(name, event)) is not None}
         found: list[Reading] = []
         for name, row in rows.items():

@@ -26,6 +26,9 @@ Vector = tuple[float, ...]
 """A plant's state: numbers only, so that it interpolates and survives JSON bit by bit."""
 
 _KEPT_NS = 2 * NANOSECONDS
+_DENSE = 2_000
+_EVENLY, _AFTER = 48, 96
+"""Instants of `shape_ns`: evenly over all of it, and after each break point by factors."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -248,6 +251,50 @@ class Plant(Stateful, ABC):
         place = np.maximum(np.searchsorted(starts, times_ns, side="left") - 1, 0)
         value, slope = lines[place].T
         return np.asarray(value + slope * (times_ns - starts[place]), dtype=np.float64)
+
+    def waveform(self, signal: str, times_ns: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Return a signal at many rising instants of the last two seconds, however fast it changes between grid points.
+
+        `observe_many` takes it for a straight line there. Here physics itself is asked, at most `_DENSE` times after
+        each break point; between these instants it is a straight line.
+
+        Args:
+            signal: its name.
+            times_ns: as of `observe_many`; an instant is seen before any command of it.
+        """
+        if not times_ns.size:
+            return np.empty(0)
+        self._keep_up()
+        first, last = int(times_ns[0]), int(times_ns[-1])
+        moments = self._moments_between(first, last)
+        if first < moments[0].at_ns or last > self._now_ns:
+            raise ValueError(f"plant {self.name} cannot be observed at {first} to {last} ns, it is {self._now_ns} ns")
+        starts = np.array([moment.at_ns for moment in moments], dtype=np.int64)
+        edges = np.searchsorted(times_ns, starts, side="right")
+        values = np.empty(times_ns.size)
+        for moment, begin, end in zip(moments, [0, *edges[1:]], [*edges[1:], times_ns.size], strict=True):
+            part = times_ns[begin:end]
+            if not part.size:
+                continue
+            few = part if part.size <= _DENSE else np.linspace(part[0], part[-1], _DENSE).astype(np.int64)
+            values[begin:end] = np.interp(part, few, [self._seen_after(moment, signal, int(each)) for each in few])
+        return values
+
+    def shape_ns(self, first_ns: int, last_ns: int) -> NDArray[np.int64]:
+        """Return instants from one to another at which `waveform` shows what happens: densest after break points."""
+        self._keep_up()
+        found = [np.linspace(first_ns, last_ns, _EVENLY)]
+        for moment in self._moments_between(first_ns, last_ns):
+            span = last_ns - moment.at_ns
+            if moment.at_ns >= first_ns and span > 1:
+                found += [np.array([moment.at_ns]), moment.at_ns + np.geomspace(1, span, _AFTER)]
+        return np.unique(np.concatenate(found).astype(np.int64))
+
+    def _seen_after(self, moment: _Moment, signal: str, at_ns: int) -> float:
+        state, dt = moment.state, (at_ns - moment.at_ns) / NANOSECONDS
+        if dt > 0:
+            state = self.step(state, moment.inputs, dt)
+        return self.signal(signal, state, moment.inputs, at_ns / NANOSECONDS)
 
     def state(self) -> Mapping[str, object]:
         """Return everything that the plant needs to continue, as JSON values."""

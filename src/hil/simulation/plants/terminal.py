@@ -139,6 +139,14 @@ class SignalPoint:
         """Return it as it was at rising instants within the last two seconds."""
         return self.plant.observe_many(self.name, times_ns)
 
+    def waveform(self, times_ns: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Return it at rising instants within the last two seconds, however fast it changes between grid points."""
+        return self.plant.waveform(self.name, times_ns)
+
+    def shape_ns(self, first_ns: int, last_ns: int) -> NDArray[np.int64]:
+        """Return instants at which `waveform` shows what happens."""
+        return self.plant.shape_ns(first_ns, last_ns)
+
 
 def observing(points: Sequence[SignalPoint | None], unconnected: Vector) -> Callable[[Sequence[int]], Sequence[Vector]]:
     """Return a function that observes points; those of one plant also ahead of time. See `Plant.observing`.

@@ -1,0 +1,380 @@
+"""Rigol DS1000Z oscilloscopes: DS1054Z and its relatives.
+
+Commands: DS1000Z Programming Guide. Its sentences and examples give the preamble's ten fields, the block header
+`#9` and nine digits, a volt as (byte - YORigin - YREFerence) x YINCrement, an interval of one over the sample rate in
+RAW mode, and at most 250,000 bytes per read. From memory, to be checked on the first article: 25 counts per division,
+that a screen has 12 divisions, that memory can be read only while stopped, that its depth can be set only while
+running and is shared by the channels that are on, that the screen sweeps slowly and without a trigger from 200 ms per
+division on, and that `:TRIG:STAT?` may still say STOP for a moment after `:SING`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, cast
+
+from hil.instruments import settings
+from hil.instruments.driver import TERMINATED, Connection, Outlet
+from hil.instruments.marks import begins, drives, reads
+from hil.instruments.sampled import Channel, Frame, Screen
+from hil.instruments.scpi_block import BlockSession
+from hil.instruments.scpi_session import as_number, as_switch, as_text
+from hil.model.bench import Wire
+from hil.model.errors import Garbled, Refused, Rejected
+from hil.model.identity import Identity
+from hil.model.notation import AnyText, Positive, one_of
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+__all__ = ["RigolDs1000z", "ScopeWire"]
+
+_CHANNELS = (1, 2, 3, 4)
+_DIVISIONS = 12
+_COUNTS = 25  # of the converter, per division
+_HIGHEST = 255
+_SLOWEST = 0.1  # s per division
+_DEPTHS = (12_000, 120_000, 1_200_000, 12_000_000)  # of one channel; two share it, three and four too
+_BLOCK = 10_000  # points per read, far below 250,000, so that one is quick
+_LOOK_S = 0.01
+_ARMS_WITHIN_S = 1.0
+_UNITS = {"V": "VOLT", "A": "AMP"}
+_SLOPES = {"rising": "POS", "falling": "NEG"}
+_STATES = {"TD": "triggered", "WAIT": "waiting", "RUN": "armed", "AUTO": "armed", "STOP": "stopped"}
+
+_Unit = Annotated[str, one_of("V", "A")]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScopeWire:
+    """What a wire says of the channels: a name for each that is used, the factor of its probe, and its unit."""
+
+    ch1: AnyText = ""
+    ch2: AnyText = ""
+    ch3: AnyText = ""
+    ch4: AnyText = ""
+    probe1: Positive = 1.0
+    probe2: Positive = 1.0
+    probe3: Positive = 1.0
+    probe4: Positive = 1.0
+    unit1: _Unit = "V"
+    unit2: _Unit = "V"
+    unit3: _Unit = "V"
+    unit4: _Unit = "V"
+
+
+@dataclass(frozen=True, slots=True)
+class _Input:
+    """One channel that is used."""
+
+    number: int
+    name: str
+    probe: float
+    unit: str
+
+
+@dataclass(frozen=True, slots=True)
+class _Preamble:
+    """What turns points and bytes into seconds and volts."""
+
+    points: int
+    interval: float
+    first: float
+    step: float
+    zero: float
+
+    def screen(self, probe: float) -> Screen:
+        """Return what the channel can show."""
+        return Screen(probe, self.step, -self.zero * self.step, (_HIGHEST - self.zero) * self.step)
+
+
+class RigolScope:
+    """Fills the role `oscilloscope`. Scales are steps of 1, 2 and 5; the next larger one is taken.
+
+    Args:
+        name: the wire's dotted name.
+        device: the instrument's name.
+        session: the instrument's session.
+        connection: for its clock.
+        inputs: the channels that are used.
+    """
+
+    def __init__(self, name: str, session: BlockSession, connection: Connection, inputs: Sequence[_Input]) -> None:
+        self._name = name
+        self._device = connection.device
+        self._session = session
+        self._clock = connection.clock
+        self._inputs = {each.name: each for each in inputs}
+        self._window: tuple[float, float] | None = None
+        self._fill_s = 0.0
+        self._trigger: tuple[str, float, Literal["rising", "falling"]] | None = None
+        self._armed = False
+        self._preambles: tuple[_Preamble, ...] = ()
+        self._from = 0
+
+    def channels(self) -> tuple[Channel, ...]:
+        """Return the channels that the wiring names."""
+        return tuple(Channel(each.name, each.unit) for each in self._inputs.values())
+
+    @drives
+    def vertical(self, channel: str, scale: float, offset: float = 0.0, coupling: str = "DC") -> None:
+        """Set probe, unit, coupling, scale and what is at the screen's middle; everything is read back."""
+        found, step = self._input(channel), _step(scale, f"{self._name}: scale")
+        if coupling not in {"DC", "AC", "GND"}:
+            raise Refused(f"{self._name}: unknown coupling '{coupling}'", "it is DC, AC or GND")
+        header = f":CHAN{found.number}"
+        self._word(f"{header}:UNIT", _UNITS[found.unit])
+        self._number(f"{header}:PROB", found.probe, 0.0)
+        self._word(f"{header}:COUP", coupling)
+        self._number(f"{header}:SCAL", step, 1e-3 * step)
+        self._number(f"{header}:OFFS", 0.0 - offset, step / _COUNTS)
+        self._armed = False
+
+    @drives
+    def window(self, before: float, after: float, points: int = 6000) -> None:
+        """Set time base, position and memory, and switch on the channels that are used, and no others.
+
+        Raises:
+            Refused: the time is longer than the screen can be while it triggers, or the memory too small.
+        """
+        span = before + after
+        if before < 0 or after <= 0 or not math.isfinite(span):
+            raise Refused(f"{self._name}: no window from -{before:g} to {after:g} s", "both are times, not below 0")
+        scale = _step(span / _DIVISIONS, f"{self._name}: window")
+        if scale > _SLOWEST:
+            longest = f"{_SLOWEST * _DIVISIONS:g} s"
+            raise Refused(
+                f"{self._name}: a window of {span:g} s", f"up to {longest} are triggered; use a data acquisition"
+            )
+        depth = self._depth(points * scale * _DIVISIONS / span)
+        self._session.setting(":RUN")
+        for number in _CHANNELS:
+            self._switch(f":CHAN{number}:DISP", any(each.number == number for each in self._inputs.values()))
+        self._word(":TIM:MODE", "MAIN")
+        self._number(":TIM:MAIN:SCAL", scale, 1e-3 * scale)
+        self._number(":TIM:MAIN:OFFS", (after - before) / 2, scale / 50)
+        self._word(":ACQ:TYPE", "NORM")
+        self._number(":ACQ:MDEP", depth, 0.0)
+        self._window, self._fill_s, self._armed = (before, after), scale * _DIVISIONS, False
+
+    @drives
+    def trigger(self, source: str, level: float, slope: str = "rising") -> None:
+        """Set an edge, its level and slope."""
+        found = self._input(source)
+        if slope not in _SLOPES:
+            raise Refused(f"{self._name}: unknown slope '{slope}'", "it is rising or falling")
+        self._word(":TRIG:MODE", "EDGE")
+        self._word(":TRIG:EDG:SOUR", f"CHAN{found.number}")
+        self._word(":TRIG:EDG:SLOP", _SLOPES[slope])
+        scale = self._session.query(f":CHAN{found.number}:SCAL?", as_number)
+        self._number(":TRIG:EDG:LEV", level, scale / _COUNTS)
+        self._trigger = (source, level, cast("Literal['rising', 'falling']", slope))
+        self._armed = False
+
+    @begins
+    def arm(self) -> None:
+        """Wait for one trigger, and return once it is waited for.
+
+        Raises:
+            Refused: window or trigger are not set.
+            Rejected: the instrument does not wait: it did not arm, or has triggered already.
+        """
+        if self._window is None or self._trigger is None:
+            raise Refused(
+                f"{self._name}: neither window nor trigger may be left unset", "call window and trigger first"
+            )
+        self._session.setting(":SING")
+        end_s = self._clock.now() + self._fill_s + _ARMS_WITHIN_S
+        while (state := self.status()) not in {"waiting", "triggered"}:
+            if self._clock.now() >= end_s:
+                raise Rejected(
+                    self._device,
+                    f"{self._name} was armed and is {state}, instead of waiting for its trigger",
+                    "compare level and slope with the signal before the trigger: it may have triggered at once",
+                )
+            self._clock.sleep(_LOOK_S)
+        self._armed = True
+
+    @drives
+    def halt(self) -> None:
+        """Stop waiting."""
+        self._session.setting(":STOP")
+        self._armed = False
+
+    @reads
+    def status(self) -> str:
+        """Return `armed`, `waiting`, `triggered` or `stopped`."""
+        return self._session.query(":TRIG:STAT?", _as_state)
+
+    def complete(self) -> bool:
+        """Return whether it was triggered and has stopped.
+
+        Raises:
+            Refused: it was not armed since it was set up or read.
+        """
+        if not self._armed:
+            raise Refused(f"{self._name} is not armed", "call arm() before what it is to capture")
+        return self.status() == "stopped"
+
+    def frame(self) -> Frame:
+        """Read what one capture is: the preamble of every channel."""
+        if self._window is None or self._trigger is None:
+            raise Refused(f"{self._name} is not armed", "call window, trigger and arm first")
+        self._armed = False
+        self._session.setting(":WAV:MODE RAW")
+        self._session.setting(":WAV:FORM BYTE")
+        self._preambles = tuple(self._preamble(each) for each in self._inputs.values())
+        common = self._preambles[0]
+        if any((each.points, each.interval, each.first) != (common.points, common.interval, common.first)
+               for each in self._preambles):  # fmt: skip
+            raise Garbled(self._device, "its channels have different time bases", "switch it off and on")
+        before, after = self._window
+        self._from = max(0, math.ceil((-before - common.first) / common.interval - 1e-6))
+        last = min(common.points - 1, math.floor((after - common.first) / common.interval + 1e-6))
+        channel, level, slope = self._trigger
+        screens = zip(self._preambles, self._inputs.values(), strict=True)
+        return Frame(
+            interval=common.interval,
+            first=common.first + self._from * common.interval,
+            rows=max(0, last - self._from + 1),
+            channel=channel,
+            level=level,
+            slope=slope,
+            screens=tuple(preamble.screen(each.probe) for preamble, each in screens),
+        )
+
+    def blocks(self, frame: Frame) -> Iterator[NDArray[np.float64]]:
+        """Read the memory of every channel, some points at a time."""
+        import numpy as np  # noqa: PLC0415 - slow to import
+
+        for done in range(0, frame.rows, _BLOCK):
+            count = min(_BLOCK, frame.rows - done)
+            rows = np.empty((count, 1 + len(self._inputs)))
+            rows[:, 0] = frame.first + np.arange(done, done + count) * frame.interval
+            for place, (found, preamble) in enumerate(zip(self._inputs.values(), self._preambles, strict=True), 1):
+                data = np.frombuffer(self._read(found.number, self._from + done, count), np.uint8)
+                rows[:, place] = (data - preamble.zero) * preamble.step
+            yield rows
+
+    def _read(self, number: int, first: int, count: int) -> bytes:
+        self._session.setting(f":WAV:SOUR CHAN{number}")
+        self._session.setting(f":WAV:STAR {first + 1}")
+        self._session.setting(f":WAV:STOP {first + count}")
+        data = self._session.block(":WAV:DATA?")
+        if len(data) != count:
+            message = f"asked for {count} points of channel {number}, got {len(data)}"
+            raise Garbled(self._device, message, "check what else talks to it, and capture again")
+        return data
+
+    def _preamble(self, found: _Input) -> _Preamble:
+        self._session.setting(f":WAV:SOUR CHAN{found.number}")
+        return self._session.query(":WAV:PRE?", _as_preamble)
+
+    def _input(self, channel: str) -> _Input:
+        if channel not in self._inputs:
+            raise Refused(f"{self._name} has no channel '{channel}'", f"the wiring names {', '.join(self._inputs)}")
+        return self._inputs[channel]
+
+    def _depth(self, points: float) -> int:
+        """Return the smallest memory per channel that holds so many points."""
+        shared = {1: 1, 2: 2}.get(len(self._inputs), 4)
+        for depth in _DEPTHS:
+            if depth // shared >= points:
+                return depth // shared
+        most = _DEPTHS[-1] // shared
+        raise Refused(f"{self._name}: {points:.0f} points do not fit its memory", f"{most} do; ask for fewer")
+
+    def _word(self, header: str, word: str) -> None:
+        self._session.setting(f"{header} {word}")
+        self._same(header, word, self._session.query(f"{header}?", as_text))
+
+    def _switch(self, header: str, on: bool) -> None:
+        self._session.setting(f"{header} {'ON' if on else 'OFF'}")
+        self._same(header, on, self._session.query(f"{header}?", as_switch))
+
+    def _number(self, header: str, value: float, tolerance: float) -> None:
+        self._session.setting(f"{header} {value:.9g}")
+        found = self._session.query(f"{header}?", as_number)
+        if not abs(found - value) <= tolerance + 1e-6 * abs(value):
+            self._same(header, value, found)
+
+    def _same(self, header: str, asked: object, found: object) -> None:
+        if asked != found:
+            raise Rejected(
+                self._device,
+                f"{self._name}: `{header}` was set to {asked} and reads back {found}",
+                "check its ranges, and whether somebody works at its front panel",
+            )
+
+
+class RigolDs1000z:
+    """Driver `rigol-ds1000z`: role `oscilloscope`, of all its channels together. It is never reset."""
+
+    roles: ClassVar[frozenset[str]] = frozenset({"oscilloscope"})
+    capabilities: ClassVar[frozenset[str]] = frozenset({TERMINATED})
+
+    def __init__(self, connection: Connection) -> None:
+        if connection.port is None:
+            raise Refused(f"{connection.device}: the driver rigol-ds1000z needs a port", "give it `port:`")
+        self._connection = connection
+        self._session = BlockSession(
+            connection.device,
+            connection.port,
+            terminator=connection.terminator or b"\n",
+            timeout=connection.timeout,
+            error_query=":SYST:ERR?",
+        )
+
+    def identify(self) -> Identity:
+        """Ask `*IDN?`."""
+        manufacturer, model, serial, firmware = self._session.identification()
+        return Identity(manufacturer=manufacturer, model=model, serial=serial, firmware=firmware)
+
+    def outlets(self) -> Sequence[Outlet]:
+        """Return none: it drives nothing."""
+        return ()
+
+    def role(self, wire: Wire) -> RigolScope:
+        """Return the oscilloscope with the channels that the wire names."""
+        settings.fits(wire, "rigol-ds1000z", self.roles)
+        told = settings.read(wire, ScopeWire)
+        inputs = [
+            _Input(
+                number, getattr(told, f"ch{number}"), getattr(told, f"probe{number}"), getattr(told, f"unit{number}")
+            )
+            for number in _CHANNELS
+            if getattr(told, f"ch{number}")
+        ]
+        if len({each.name for each in inputs}) < len(inputs):
+            raise settings.wrong(wire, f"ch{inputs[-1].number}", "has the name of another channel")
+        if not inputs:
+            raise Refused(f"wiring {wire.name}: no channel is named", "name one, such as `ch1: rail`")
+        return RigolScope(wire.name, self._session, self._connection, inputs)
+
+
+def _step(value: float, what: str) -> float:
+    """Return the next of 1, 2, 5, 10, 20 ... that is not smaller."""
+    if not (math.isfinite(value) and value > 0):
+        raise Refused(f"{what} {value:g} is not above zero", "give a number above zero")
+    exponent = math.floor(math.log10(value))
+    steps = (float(f"{digit}e{exponent}") for digit in (1, 2, 5, 10))
+    return next((step for step in steps if value <= step * (1 + 1e-9)), 10.0 ** (exponent + 1))
+
+
+def _as_state(reply: str) -> str:
+    if reply not in _STATES:
+        raise ValueError(", ".join(_STATES))
+    return _STATES[reply]
+
+
+def _as_preamble(reply: str) -> _Preamble:
+    fields = reply.split(",")
+    if len(fields) != 10 or fields[:2] != ["0", "2"]:  # format BYTE, type RAW
+        raise ValueError("the ten fields of a preamble, of bytes from memory")
+    points, _, interval, origin, reference, step, zero, middle = (as_number(each) for each in fields[2:])
+    if not (points >= 1 and interval > 0 and step > 0):
+        raise ValueError("points, interval and step above zero")
+    return _Preamble(int(points), interval, origin - reference * interval, step, zero + middle)
