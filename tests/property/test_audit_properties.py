@@ -5,16 +5,18 @@ from __future__ import annotations
 from dataclasses import replace
 
 import msgspec
-from audited import ASKED, PARENT, certificate, package, result, seal_of, world_of
+from audited import ASKED, DUT, INSTRUMENT, PARENT, certificate, package, result, seal_of, world_of
 from hypothesis import given
 from hypothesis import strategies as st
 
 from hil.audit.engine import audit
-from hil.audit.inputs import Package, Policy, Register, World
+from hil.audit.inputs import Asked, Package, Policy, Register, World
+from hil.audit.remembered import remember
 from hil.audit.tables import as_csv, as_json
 from hil.documents.canonical import canonical, parse_strict
-from hil.model.identity import Purpose, Source
-from hil.registers.instruments import AsFound
+from hil.evidence.ledger.entries import Baseline
+from hil.model.identity import Purpose, Source, UnitEvent
+from hil.registers.instruments import AsFound, AsLeft
 
 _OTHER = "LOAD-020"
 _results = st.builds(
@@ -98,6 +100,69 @@ def test_a_recall_never_closes_anything(world):
     recalled = replace(dmm, certificates=(*dmm.certificates, bad))
     after = replace(world, register=replace(world.register, instruments={"dmm-1": recalled}))
     assert not _closed(after)
+
+
+_EVENTS = tuple(
+    UnitEvent(kind=kind, date=f"2026-0{month}-15", text="done", reference="NCR-1", reverify=reverify)
+    for month, kind, reverify in ((2, "repair", True), (5, "demate", False), (7, "rework", True))
+)
+_CERTIFICATES = tuple(
+    certificate(f"C-{month}", f"2026-0{month}-10", "2027-01-10", as_found=found, as_left=left)
+    for month in (3, 6, 8)
+    for found in (AsFound.IN_TOLERANCE, AsFound.OUT_OF_TOLERANCE)
+    for left in (AsLeft.ADJUSTED, AsLeft.OUT_OF_TOLERANCE)
+)
+
+
+@st.composite
+def _remembering(draw: st.DrawFn) -> World:
+    """Draw a world with a history in its registers, which the ledger remembers as it is."""
+    world = draw(_worlds())
+    dates = {each.date: each for each in draw(st.lists(st.sampled_from(_CERTIFICATES), max_size=3))}
+    instrument = replace(INSTRUMENT, certificates=(*INSTRUMENT.certificates, *(dates[day] for day in sorted(dates))))
+    dut = replace(DUT, events=tuple(draw(st.lists(st.sampled_from(_EVENTS), unique=True))))
+    known = replace(world, register=Register(duts={dut.serial: dut}, instruments={instrument.id: instrument}))
+    return replace(known, remembered=remember(_BASELINES, lambda entry, _: _contents(known)[entry.subject]))
+
+
+_BASELINES = tuple(Baseline(subject=each, object=each) for each in ("catalogue", "units", "instruments"))
+
+
+def _contents(world: World) -> dict[str, tuple[object, ...]]:
+    register = world.register
+    return {
+        "catalogue": world.asked,
+        "units": tuple(register.duts.values()),
+        "instruments": tuple(register.instruments.values()),
+    }
+
+
+@given(world=_remembering(), data=st.data())
+def test_removing_requirements_or_entries_of_registers_never_closes_anything(world, data):
+    """Requirements, links, events, certificates and what they found are taken out, changed or withdrawn."""
+    dut, instrument = world.register.duts[DUT.serial], world.register.instruments[INSTRUMENT.id]
+    events = tuple(each for each in dut.events if data.draw(st.booleans()))
+    certificates = [
+        replace(each, as_found=AsFound.IN_TOLERANCE, as_left=AsLeft.ADJUSTED) if data.draw(st.booleans()) else each
+        for each in instrument.certificates
+        if data.draw(st.booleans())
+    ]
+    register = Register(
+        duts={dut.serial: replace(dut, events=events)},
+        instruments={instrument.id: replace(instrument, certificates=tuple(certificates))},
+    )
+
+    def taken_out(each: Asked) -> list[Asked]:
+        how = data.draw(st.sampled_from(["kept", "gone", "withdrawn", "unlinked"]))
+        changed = {"withdrawn": {"withdrawn": True}, "unlinked": {"parents": ()}}.get(how, {})
+        return [] if how == "gone" else [msgspec.structs.replace(each, **changed)]
+
+    asked = tuple(left for each in world.asked for left in taken_out(each))
+    assert _closed(replace(world, register=register)) <= _closed(world)
+    assert _closed(replace(world, asked=asked)) <= _closed(world)
+    assert _closed(replace(world, asked=asked, register=register)) <= _closed(world)
+    shuffled = replace(world, asked=tuple(data.draw(st.permutations(asked))), register=register)
+    assert as_json(audit(shuffled)) == as_json(audit(replace(world, asked=asked, register=register)))
 
 
 @given(text=st.text(st.characters(codec="utf-8"), max_size=40))

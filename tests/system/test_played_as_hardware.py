@@ -16,6 +16,8 @@ from told_pages import Written, steps_of
 from workspaces import ROOT, command_line, kill
 
 from hil.evidence.folder import JOURNAL
+from hil.evidence.ledger.book import read
+from hil.evidence.ledger.entries import Baseline
 from hil.evidence.package.contents import Package
 
 PAGE = ROOT / "docs" / "how-to" / "write-a-plan.md"
@@ -111,6 +113,7 @@ def test_a_served_bench_called_hardware_is_not_eligible(tmp_path):
     (identity,) = [gate for gate in package.state.gates if gate.instrument == "psu1"]
     assert (identity.detail, identity.source) == ("Keysight Technologies E36312A SIM-MY59000001", "simulated")
     assert hil(root, "verify", str(package.folder)).returncode == 0
+    assert {each.subject for each in read(root / "reports").of(Baseline)} == {"catalogue", "units", "instruments"}
 
 
 def killed_after_reading(root):

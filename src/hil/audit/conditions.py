@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from hil.audit.accepted import Accepted
 from hil.audit.document import Code, Reason
-from hil.audit.inputs import Asked, Instrument, Package, Register, Result, World
+from hil.audit.inputs import Asked, Instrument, Package, Result, World
 from hil.audit.ledgered import Ledgered
 from hil.clock.wall import days_between
-from hil.model.identity import Dut, Source
+from hil.model.identity import Dut, Source, UnitEvent
 from hil.model.verdict import Verdict
 from hil.registers.history import calibration_problem, doubts, events_after
 from hil.registers.instruments import RegisteredInstrument
@@ -19,6 +19,7 @@ __all__ = ["CONDITIONS", "Claim", "of_claim"]
 
 _SHORT = 8
 _DAY_S = 86_400.0
+_REMOVED = " (taken out of the register since, and nobody has said why)"
 _ELSEWHERE = frozenset({"SIMULATED", "REPLAYED", "UNKNOWN"})
 """How a run's own reasons begin where bytes did not come from hardware."""
 
@@ -128,11 +129,11 @@ def _unit(claim: Claim) -> _Found:
         return
     if dut.part != package.part:
         yield Code.WRONG_DUT, f"{dut.serial} is {dut.part} in the register, and was {package.part} in the run"
-    yield from _unit_since(dut, package)
+    yield from _unit_since(dut, package, claim.ledgered.removed.events.get(dut.serial, ()))
     yield from claim.accepted.stale(claim.asked.id, package)
 
 
-def _unit_since(dut: Dut, package: Package) -> _Found:
+def _unit_since(dut: Dut, package: Package, removed: Sequence[UnitEvent]) -> _Found:
     for what, then, now in (
         ("hardware", package.hardware, dut.hardware),
         ("firmware", package.firmware, dut.firmware),
@@ -141,35 +142,43 @@ def _unit_since(dut: Dut, package: Package) -> _Found:
             yield Code.STALE_DUT, f"{dut.serial} has {what} {now or 'not recorded'} now, and had {then or 'none'} then"
     for event in events_after(dut.events, package.began):
         yield Code.STALE_DUT, f"{dut.serial}: {event.kind} on {event.date}: {event.text}"
+    for event in events_after(removed, package.began):
+        yield Code.STALE_DUT, f"{dut.serial}: {event.kind} on {event.date}: {event.text}{_REMOVED}"
 
 
 def _calibration(claim: Claim) -> _Found:
     """Every instrument behind the value was in calibration, and is not in doubt since."""
-    package, register = claim.package, claim.world.register
+    package, known, removed = claim.package, claim.world.register.instruments, claim.ledgered.removed.instruments
     for name in claim.result.instruments:
         used = package.instruments.get(name, Instrument())
-        entry = _registered(used, register)
-        if entry is None and used.entry:
-            yield Code.STALE_CAL, f"the register no longer has {used.entry}, which was {name} then"
-        if entry is None:
-            continue
-        if problem := calibration_problem(entry, package.began, package.ended):
-            yield Code.STALE_CAL, problem
-        if used.certificate and all(used.certificate != each.file for each in entry.certificates):
+        entry, before = _registered(used, known), _registered(used, removed)
+        if entry is None and (used.entry or before):
+            gone = used.entry or f"the certificate {used.certificate}"
+            yield Code.STALE_CAL, f"the register no longer has {gone}, which was {name} then"
+        if entry and used.certificate and all(used.certificate != each.file for each in entry.certificates):
             yield Code.STALE_CAL, f"the register no longer has the certificate {used.certificate} of {entry.id}"
-        for doubt in doubts(entry):
-            if doubt.covers(package.began, package.ended):
-                yield Code.CAL_RETRO, doubt.reason
+        found = [*_calibration_of(entry, package)]
+        yield from found
+        more = (each for each in _calibration_of(before, package) if each not in found)
+        yield from ((code, f"{text}{_REMOVED}") for code, text in more)
 
 
-def _registered(used: Instrument, register: Register) -> RegisteredInstrument | None:
+def _calibration_of(entry: RegisteredInstrument | None, package: Package) -> _Found:
+    """Give what the certificates of an instrument say against a package."""
+    if entry is None:
+        return
+    if problem := calibration_problem(entry, package.began, package.ended):
+        yield Code.STALE_CAL, problem
+    for doubt in doubts(entry):
+        if doubt.covers(package.began, package.ended):
+            yield Code.CAL_RETRO, doubt.reason
+
+
+def _registered(used: Instrument, known: Mapping[str, RegisteredInstrument]) -> RegisteredInstrument | None:
     """Return the entry of an instrument: by its name in the register, else by its certificate."""
     if used.entry or not used.certificate:
-        return register.instruments.get(used.entry)
-    by_file = (
-        each for each in register.instruments.values() if used.certificate in {it.file for it in each.certificates}
-    )
-    return next(by_file, None)
+        return known.get(used.entry)
+    return next((each for each in known.values() if used.certificate in {it.file for it in each.certificates}), None)
 
 
 def _analysis(claim: Claim) -> _Found:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from enum import StrEnum
 
 import msgspec
@@ -22,6 +23,7 @@ __all__ = [
     "Reason",
     "Row",
     "Summary",
+    "summary_of",
 ]
 
 FORMAT = 1
@@ -49,6 +51,7 @@ class Code(StrEnum):
     """Why a requirement is open, one code for each condition; declared in the order in which they are told."""
 
     NO_EVIDENCE = "NO_EVIDENCE"
+    WITHDRAWN = "WITHDRAWN"
     NO_VERDICT = "NO_VERDICT"
     FAILED = "FAILED"
     SUPERSEDED_BY_FAIL = "SUPERSEDED_BY_FAIL"
@@ -78,6 +81,7 @@ class Code(StrEnum):
 
 _MEANINGS = {
     Code.NO_EVIDENCE: "no package has evidence for it",
+    Code.WITHDRAWN: "it or a link below it was taken out of the catalogue, and that is not explained",
     Code.NO_VERDICT: "there is evidence, but its verdict is neither PASS nor RECORDED",
     Code.FAILED: "a FAIL from hardware stands, and nothing newer is good",
     Code.SUPERSEDED_BY_FAIL: "the evidence is good, and a FAIL from hardware came later",
@@ -280,7 +284,7 @@ class Summary(msgspec.Struct, frozen=True, kw_only=True):
     """How many requirements there are, by status.
 
     Attributes:
-        requirements: how many are asked for; withdrawn ones are left out.
+        requirements: how many there are; withdrawn ones are left out once nothing of them is open.
         closed: how many of them are closed.
         open: how many are open.
         compliance: how many there are of each compliance.
@@ -328,3 +332,33 @@ class Document(msgspec.Struct, frozen=True, kw_only=True):
     rows: tuple[Row, ...]
     gaps: tuple[Gap, ...]
     problems: tuple[str, ...] = ()
+
+
+def summary_of(rows: Sequence[Row], gaps: Sequence[Gap]) -> Summary:
+    """Return the counts of a document."""
+    closed = sum(row.closed for row in rows)
+    counted = Counter(code for row in rows for code in {reason.code for reason in row.reasons})
+    compliance = Counter(row.compliance for row in rows)
+    elsewhere = [(row, row.on_hardware) for row in rows if row.on_hardware]
+    return Summary(
+        requirements=len(rows),
+        closed=closed,
+        open=len(rows) - closed,
+        compliance={each.value: compliance[each] for each in Compliance},
+        reasons={code.value: counted[code] for code in Code if counted[code]},
+        gaps={str(kind): count for kind, count in sorted(Counter(gap.kind for gap in gaps).items())},
+        elsewhere=len(elsewhere),
+        on_hardware=tuple(row.id for row, would in elsewhere if not would.reasons),
+        left_open=_left_open(would for _, would in elsewhere),
+        waived=tuple(row.id for row in rows if row.waiver),
+    )
+
+
+def _left_open(each: Iterable[OnHardware]) -> dict[str, int]:
+    """Return every reason that would keep requirements open on hardware, the one of most requirements first."""
+    counted = Counter(text for would in each for text in {_left_text(reason) for reason in would.reasons})
+    return dict(sorted(counted.items(), key=lambda item: (-item[1], item[0])))
+
+
+def _left_text(reason: Reason) -> str:
+    return "a requirement below it would stay open" if reason.code is Code.CHILD_OPEN else reason.text

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -18,15 +18,15 @@ from hil.audit.document import (
     Gap,
     GapKind,
     Inputs,
-    OnHardware,
     Planning,
     Reason,
     Row,
-    Summary,
+    summary_of,
 )
 from hil.audit.elsewhere import by_children, on_hardware
 from hil.audit.inputs import Approval, Asked, Package, World, catalogue_digest
 from hil.audit.ledgered import Ledgered, ledgered
+from hil.audit.remembered import removed_from
 from hil.model.identity import Purpose, Source
 from hil.model.verdict import Verdict
 from hil.registers.nonconformances import Waiver
@@ -43,12 +43,16 @@ _HARDWARE = frozenset({Source.HARDWARE, ""})
 
 def audit(world: World) -> Document:
     """Return the document: a row per requirement that is asked for, closed only if every condition holds."""
-    asked = {each.id: each for each in sorted(world.asked, key=lambda each: each.id) if not each.withdrawn}
     book = replace(
-        ledgered(world.entries, world.packages, world.policy, world.head), damage="".join(world.problems[:1])
+        ledgered(world.entries, world.packages, world.policy, world.head),
+        damage="".join(world.problems[:1]),
+        removed=removed_from(world.asked, world.register, world.remembered),
     )
     filed = accepted(world)
     packages = sorted(world.packages, key=book.place_of)
+    present = frozenset(each.id for each in world.asked if not each.withdrawn)
+    by = _Judging(book=book, filed=filed, world=world, present=present)
+    asked = _asked(by, packages)
     children = _children(asked)
     by_requirement: dict[str, list[Package]] = defaultdict(list)
     for package in packages:
@@ -56,10 +60,9 @@ def audit(world: World) -> Document:
             by_requirement[identifier].append(package)
     planned = _Planned(world)
     rows: dict[str, Row] = {}
-    by = _Judging(book=book, filed=filed, world=world)
     for identifier in _from_below(asked, children):
         claims = tuple(by.claim(asked[identifier], each) for each in by_requirement[identifier])
-        below = [rows[child] for child in children[identifier]]
+        below = [rows[child] for child in children[identifier] if child in rows]
         rows[identifier] = _row(asked[identifier], claims, below, by, planned(identifier))
     ordered = tuple(rows[identifier] for identifier in asked)
     gaps = tuple(sorted(_gaps(ordered, packages, world)))
@@ -78,11 +81,45 @@ def audit(world: World) -> Document:
             entries=len(world.entries),
             packages={each.folder: each.digest for each in packages},
         ),
-        summary=_summary(ordered, gaps),
+        summary=summary_of(ordered, gaps),
         rows=ordered,
         gaps=gaps,
-        problems=(*world.problems, *(each.text for each in book.missing), *_problems(packages)),
+        problems=(*world.problems, *_problems(packages, book)),
     )
+
+
+_WITHDRAWN = Reason(code=Code.WITHDRAWN, text="it was withdrawn or taken out of the catalogue, and nobody has said why")
+_WITHDRAWN_FAILED = Reason(
+    code=Code.WITHDRAWN, text="it was withdrawn or taken out of the catalogue, and it failed before: sign what was done"
+)
+
+
+def _asked(by: _Judging, packages: Iterable[Package]) -> dict[str, Asked]:
+    """Return the requirements that have a row, by id: those that are asked for, and those that something is left of."""
+    present = {each.id: each for each in by.world.asked if each.id in by.present}
+    return dict(sorted({**_failed(by, packages), **by.book.removed.asked, **present}.items()))
+
+
+def _failed(by: _Judging, packages: Iterable[Package]) -> dict[str, Asked]:
+    """Return the requirements that are gone and failed on hardware, and nobody has signed what was done about it."""
+    found: dict[str, Asked] = {}
+    known = {each.id: each for each in by.world.asked}
+    for package in packages:
+        for identifier in package.results.keys() - by.present:
+            its = package.results[identifier]
+            unknown = Asked(id=identifier, rev=its.rev, fingerprint=its.fingerprint, text="", kind="", method="")
+            claim = by.claim(known.get(identifier, unknown), package)
+            if counts_as_fail(claim) and not _disposed(claim, by):
+                found[identifier] = claim.asked
+    return found
+
+
+def _taken_out(asked: Asked, by: _Judging) -> Iterator[Reason]:
+    removed = by.book.removed
+    if asked.id not in by.present:
+        yield _WITHDRAWN if asked.id in removed.asked else _WITHDRAWN_FAILED
+    for each in removed.parents.get(asked.id, ()):
+        yield Reason(code=Code.WITHDRAWN, text=f"{each} is no longer below it, and nobody has said why")
 
 
 def _children(asked: Mapping[str, Asked]) -> dict[str, tuple[str, ...]]:
@@ -95,7 +132,10 @@ def _children(asked: Mapping[str, Asked]) -> dict[str, tuple[str, ...]]:
 
 
 def _from_below(asked: Mapping[str, Asked], children: Mapping[str, Sequence[str]]) -> Iterator[str]:
-    """Give every requirement after those below it, without recursion: a chain may be as long as the catalogue."""
+    """Give every requirement after those below it, without recursion: a chain may be as long as the catalogue.
+
+    Requirements that were taken out at different times may stand in a circle; they come last.
+    """
     waiting = {identifier: len(below) for identifier, below in children.items()}
     ready = [identifier for identifier, count in waiting.items() if not count]
     while ready:
@@ -106,6 +146,7 @@ def _from_below(asked: Mapping[str, Asked], children: Mapping[str, Sequence[str]
                 waiting[parent] -= 1
                 if not waiting[parent]:
                     ready.append(parent)
+    yield from (identifier for identifier, count in waiting.items() if count > 0)
 
 
 class _Planned:
@@ -131,6 +172,7 @@ class _Judging:
     book: Ledgered
     filed: Accepted
     world: World
+    present: frozenset[str]
 
     def claim(self, asked: Asked, package: Package) -> Claim:
         """Return what a package says of a requirement, and what that is judged by."""
@@ -151,7 +193,8 @@ def _row(
     evidence = tuple(map(_evidence, claims))
     by_itself = asked.kind != Kind.PARENT
     waived = by.filed.waiver_of(asked, by.world) if by_itself else None
-    own = against = tuple(_against(asked, claims, evidence, by, waived)) if by_itself else ()
+    against = tuple(_against(asked, claims, evidence, by, waived)) if by_itself else ()
+    own = against = (*_taken_out(asked, by), *against)
     inherited = tuple(_inherited(below))
     closing = next((each for each in reversed(evidence) if each.closes), None)
     if waived and closing and not _is_needed(waived, claims, by):
@@ -317,10 +360,12 @@ def _compliance(
 
 
 def _gaps(rows: Sequence[Row], packages: Sequence[Package], world: World) -> Iterator[Gap]:
+    present = {each.id for each in world.asked if not each.withdrawn}
     for row in rows:
         if row.kind == Kind.PARENT and not row.children:
             yield Gap(kind=GapKind.WITHOUT_CHILDREN, name=row.id, where=row.planning.place)
-        if row.kind != Kind.PARENT and row.method in _BY_CASES and not row.planning.cases:
+        wanted = row.id in present and row.kind != Kind.PARENT and row.method in _BY_CASES
+        if wanted and not row.planning.cases:
             yield Gap(kind=GapKind.WITHOUT_CASE, name=row.id, where=row.planning.place)
     for case in world.cases or ():
         if not case.marked:
@@ -335,36 +380,9 @@ def _gaps(rows: Sequence[Row], packages: Sequence[Package], world: World) -> Ite
                 yield Gap(kind=GapKind.NOT_IN_CATALOGUE, name=identifier, where=package.folder)
 
 
-def _summary(rows: Sequence[Row], gaps: Sequence[Gap]) -> Summary:
-    closed = sum(row.closed for row in rows)
-    counted = Counter(code for row in rows for code in {reason.code for reason in row.reasons})
-    compliance = Counter(row.compliance for row in rows)
-    elsewhere = [(row, row.on_hardware) for row in rows if row.on_hardware]
-    return Summary(
-        requirements=len(rows),
-        closed=closed,
-        open=len(rows) - closed,
-        compliance={each.value: compliance[each] for each in Compliance},
-        reasons={code.value: counted[code] for code in Code if counted[code]},
-        gaps={str(kind): count for kind, count in sorted(Counter(gap.kind for gap in gaps).items())},
-        elsewhere=len(elsewhere),
-        on_hardware=tuple(row.id for row, would in elsewhere if not would.reasons),
-        left_open=_left_open(would for _, would in elsewhere),
-        waived=tuple(row.id for row in rows if row.waiver),
-    )
-
-
-def _left_open(each: Iterable[OnHardware]) -> dict[str, int]:
-    """Return every reason that would keep requirements open on hardware, the one of most requirements first."""
-    counted = Counter(text for would in each for text in {_left_text(reason) for reason in would.reasons})
-    return dict(sorted(counted.items(), key=lambda item: (-item[1], item[0])))
-
-
-def _left_text(reason: Reason) -> str:
-    return "a requirement below it would stay open" if reason.code is Code.CHILD_OPEN else reason.text
-
-
-def _problems(packages: Sequence[Package]) -> Iterator[str]:
+def _problems(packages: Sequence[Package], book: Ledgered) -> Iterator[str]:
+    yield from (f"{each.name}: it was taken out or changed, and nobody has said why" for each in book.removed.told)
+    yield from (each.text for each in book.missing)
     for package in packages:
         if package.problem:
             yield f"{package.folder}: {package.problem}"

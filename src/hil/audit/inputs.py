@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import msgspec
 
 from hil.evidence.ledger.entries import Entry
-from hil.model.identity import Dut
+from hil.model.identity import Dut, UnitEvent
 from hil.registers.instruments import RegisteredInstrument
 from hil.registers.nonconformances import Nonconformance, Records
 from hil.requirements.carried import CarryingCase
@@ -22,6 +22,7 @@ __all__ = [
     "Package",
     "Policy",
     "Register",
+    "Remembered",
     "Result",
     "World",
     "catalogue_digest",
@@ -221,6 +222,23 @@ class Filed:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Remembered:
+    """One entry that catalogue or registers had when a baseline was entered into the ledger.
+
+    Attributes:
+        mark: what tells it from all others, its content included.
+        name: the entry in words.
+        owner: the id, serial number or name of what it belongs to.
+        item: a requirement; the id of a parent; an event of a unit; or an instrument with this one certificate.
+    """
+
+    mark: str
+    name: str
+    owner: str
+    item: Asked | str | UnitEvent | RegisteredInstrument
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Policy:
     """What the workspace asks for beyond the seal.
 
@@ -254,6 +272,7 @@ class World:
         packages: what the packages say; no run stands twice among them.
         cases: the cases of the plans as their sources are now; None where only the packages can tell, as in the past.
         register: the registers.
+        remembered: what catalogue and registers ever had, but for what was explained.
         entries: the entries of the ledger, in order.
         head: its head.
         problems: what is wrong with the ledger, a sentence each.
@@ -270,6 +289,7 @@ class World:
     packages: tuple[Package, ...] = ()
     cases: tuple[CarryingCase, ...] | None = None
     register: Register = field(default_factory=Register)
+    remembered: tuple[Remembered, ...] = ()
     entries: tuple[Entry, ...] = ()
     head: str = ""
     problems: tuple[str, ...] = ()

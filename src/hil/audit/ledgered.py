@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 from hil.audit.inputs import Package, Policy
+from hil.audit.remembered import Removed
 from hil.evidence.ledger.entries import ZERO, Entry, Head, Replayed, Sealed
 from hil.model.identity import Source
 
@@ -33,6 +34,7 @@ class Ledgered:
         policy: which signatures are valid.
         damage: what is wrong with it, empty where nothing is.
         missing: packages of hardware that are not there.
+        removed: what catalogue and registers had, and no longer have.
         replays: the last replay of each package by each analysis, by evidence digest and digest of the analysis.
     """
 
@@ -41,6 +43,7 @@ class Ledgered:
     policy: Policy = field(default_factory=Policy)
     damage: str = ""
     missing: tuple[Missing, ...] = ()
+    removed: Removed = field(default_factory=Removed)
     replays: dict[tuple[str, str], Replayed] = field(default_factory=dict)
 
     def seal_of(self, package: Package) -> Sealed | None:

@@ -10,9 +10,9 @@ from pathlib import Path
 import msgspec
 
 from hil.audit.cache import Cache
-from hil.audit.inputs import Approval, Asked, Filed, Package, Policy, Register, World
+from hil.audit.inputs import Approval, Asked, Filed, Package, Policy, Register, Remembered, World
 from hil.audit.packages import read_packages
-from hil.audit.recorded import encoded, reports_ever
+from hil.audit.recorded import encoded, keep, remembered, reports_ever
 from hil.clock import wall
 from hil.documents.findings import Findings, shown
 from hil.documents.suggest import did_you_mean
@@ -24,7 +24,7 @@ from hil.evidence.ledger.entries import Approved, Entry, Head, Sealed, Signed
 from hil.evidence.ledger.heads import require_uncut
 from hil.evidence.package.verification import verify
 from hil.evidence.results.judging_code import judging_digest
-from hil.model.errors import HilError, Refused
+from hil.model.errors import EvidenceError, HilError, Refused
 from hil.registers.instruments import INSTRUMENTS, load_instruments
 from hil.registers.nonconformances import (
     NONCONFORMANCES,
@@ -43,7 +43,7 @@ from hil.requirements.lock import LOCK
 from hil.requirements.requirement import Document, Requirement
 from hil.requirements.schema import REQUIREMENTS
 
-__all__ = ["Folders", "asked_of", "read_catalogue", "read_register", "read_world", "record_subject"]
+__all__ = ["Folders", "asked_of", "keep_present", "read_catalogue", "read_register", "read_world", "record_subject"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,6 +82,7 @@ def read_world(
         EvidenceError: if the ledger or the reports cannot be read, or two packages contradict each other.
     """
     ledger, date = read(folders.reports), wall.utc_now()[:10]
+    known, forgotten = _remembered(ledger)
     signers = load_signers(folders.fixtures)
     packages = tuple(_compared(folders.reports, ledger, read_packages(folders.reports, cache)))
     asked = cache.requirements(_contents(folders, locked=locked), lambda: read_catalogue(folders, locked=locked))
@@ -93,14 +94,23 @@ def read_world(
         policy=_policy(ledger, packages, signers).until(date),
         filed=_filed(folders, ledger, packages, signers, _read_records(folders, asked, register)),
         register=register,
+        remembered=known,
         entries=ledger.entries,
         head=ledger.head if ledger.hashes else "",
-        problems=tuple(map(str, (*ledger.findings, *ledger.lacks(published_head)))),
+        problems=(*map(str, (*ledger.findings, *ledger.lacks(published_head))), *forgotten),
         analysis=judging_digest(),
         date=date,
         name=folders.name,
         version=version,
     )
+
+
+def _remembered(ledger: Ledger) -> tuple[tuple[Remembered, ...], tuple[str, ...]]:
+    """Return what the ledger remembers of catalogue and registers, and why it cannot."""
+    try:
+        return remembered(ledger.reports, ledger.entries), ()
+    except EvidenceError as error:
+        return (), (error.message,)
 
 
 def _compared(reports: Path, ledger: Ledger, packages: Iterable[Package]) -> Iterator[Package]:
@@ -207,6 +217,16 @@ def _subject(item: Nonconformance | Waiver, operators: Mapping[str, str]) -> Sub
     run = item.run if isinstance(item, Nonconformance) else ""
     others = (operators[run],) if operators.get(run) else ()
     return Subject(run=item.id, evidence=record.sha256, operator=item.by, content=record.content, others=others)
+
+
+def keep_present(root: Path, testplans: Path, fixtures: Path, reports: Path) -> str:
+    """Enter catalogue and registers as they are now into the ledger; return why that is not possible, if it is not."""
+    folders = Folders(root=root, testplans=testplans, fixtures=fixtures, reports=reports, name="")
+    try:
+        keep(reports, read_catalogue(folders, locked=False), read_register(folders))
+    except HilError as error:
+        return str(error)
+    return ""
 
 
 def read_catalogue(folders: Folders, *, locked: bool = True) -> tuple[Asked, ...]:

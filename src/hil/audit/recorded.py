@@ -1,8 +1,8 @@
-"""What an audit enters into the ledger, and the state of a past day from what was entered up to then."""
+"""What is entered into the ledger of catalogue, registers and status, and the state of a past day from that."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Generic, TypeVar
@@ -10,19 +10,20 @@ from typing import Generic, TypeVar
 import msgspec
 
 from hil.audit.document import Document, Row
-from hil.audit.inputs import Asked, Filed, Register, World
-from hil.evidence.ledger.book import append_all, put_object, read_object
-from hil.evidence.ledger.entries import Approved, Baseline, Entry, Reason, Sealed, Status
+from hil.audit.inputs import Asked, Filed, Register, Remembered, World
+from hil.audit.remembered import CATALOGUE, INSTRUMENTS, UNITS, remember, removed_from
+from hil.evidence.ledger.book import append_all, put_object, read, read_object
+from hil.evidence.ledger.entries import Approved, Baseline, Entry, Explained, Reason, Sealed, Status
 from hil.model.errors import EvidenceError, Refused
 from hil.model.identity import Dut
 from hil.registers.instruments import RegisteredInstrument
 from hil.registers.nonconformances import Nonconformance, Records, Waiver
 
-__all__ = ["ANALYSIS", "CATALOGUE", "INSTRUMENTS", "UNITS", "baseline", "encoded", "past", "record", "reports_ever"]
+__all__ = ["ANALYSIS", "baseline", "encoded", "explain", "keep", "past", "record", "remembered", "reports_ever"]
 
-ANALYSIS, CATALOGUE, UNITS, INSTRUMENTS = "analysis", "catalogue", "units", "instruments"
+ANALYSIS = "analysis"
+"""The subject of the baselines that name the analysis."""
 _REPORTS, _WAIVERS = "nonconformances", "waivers"
-"""The subjects of baselines."""
 
 _Item = TypeVar("_Item")
 
@@ -40,8 +41,32 @@ def encoded(subject: str, items: Sequence[object]) -> bytes:
     return msgspec.json.encode(_Recorded(format=1, subject=subject, entries=tuple(items)), order="sorted")
 
 
+def explain(reports: Path, world: World, *, by: str, text: str) -> World:
+    """Enter into the ledger why everything that is gone from catalogue and registers is gone.
+
+    Args:
+        reports: the folder of reports.
+        world: as it is now.
+        by: who says so.
+        text: why.
+
+    Returns:
+        The world in which what is gone counts no longer.
+
+    Raises:
+        EvidenceError: if the ledger cannot be written.
+    """
+    gone = removed_from(world.asked, world.register, world.remembered).told
+    append_all(reports, [Explained(entry=each.mark, name=each.name, by=by, text=text) for each in gone])
+    ledger = read(reports)
+    left = tuple(each for each in world.remembered if each not in gone)
+    return replace(world, remembered=left, entries=ledger.entries, head=ledger.head)
+
+
 def record(reports: Path, world: World, document: Document) -> tuple[int, int]:
     """Enter into the ledger what changed since it last heard: catalogue, registers, and the status of requirements.
+
+    What is gone from them counts on: only `explain` ends that.
 
     Args:
         reports: the folder of reports.
@@ -54,25 +79,52 @@ def record(reports: Path, world: World, document: Document) -> tuple[int, int]:
     Raises:
         EvidenceError: if the ledger cannot be written.
     """
-    entered = {each.subject: each.object for each in world.entries if isinstance(each, Baseline)}
-    baselines: list[Entry] = []
-    for subject, items in (
-        (CATALOGUE, sorted(world.asked, key=lambda each: each.id)),
-        (UNITS, list(world.register.duts.values())),
-        (INSTRUMENTS, list(world.register.instruments.values())),
-        (ANALYSIS, [world.analysis]),
-        (_REPORTS, list(world.filed.registers.nonconformances.values())),
-        (_WAIVERS, list(world.filed.registers.waivers.values())),
-    ):
-        if not items and subject in {_REPORTS, _WAIVERS} and subject not in entered:
-            continue
-        name = put_object(reports, encoded(subject, items))
-        if entered.get(subject) != name:
-            baselines.append(Baseline(subject=subject, object=name))
+    subjects = {**_subjects(world.asked, world.register), ANALYSIS: (world.analysis,)}
+    entered = {each.subject for each in world.entries if isinstance(each, Baseline)}
+    filed = world.filed.registers
+    for subject, items in ((_REPORTS, filed.nonconformances), (_WAIVERS, filed.waivers)):
+        if items or subject in entered:
+            subjects[subject] = tuple(items.values())
+    baselines = _changed(reports, world.entries, subjects)
     changes = list(_changes(world, document))
-    if baselines or changes:
-        append_all(reports, [*baselines, *changes])
+    if entries := [*baselines, *changes]:
+        append_all(reports, entries)
     return len(baselines), len(changes)
+
+
+def keep(reports: Path, asked: Sequence[Asked], register: Register) -> None:
+    """Enter the catalogue and the registers into the ledger, unless they stand there as they are.
+
+    Raises:
+        EvidenceError: if the ledger cannot be read or written.
+    """
+    if baselines := _changed(reports, read(reports).entries, _subjects(asked, register)):
+        append_all(reports, baselines)
+
+
+def _subjects(asked: Sequence[Asked], register: Register) -> Mapping[str, Sequence[object]]:
+    in_order: list[Asked] = sorted(asked, key=lambda each: each.id)
+    return {
+        CATALOGUE: in_order,
+        UNITS: list(register.duts.values()),
+        INSTRUMENTS: list(register.instruments.values()),
+    }
+
+
+def _changed(reports: Path, entries: Sequence[Entry], subjects: Mapping[str, Sequence[object]]) -> list[Entry]:
+    """Return baselines of what is not as it was entered last."""
+    entered = {each.subject: each.object for each in entries if isinstance(each, Baseline)}
+    kept = {subject: put_object(reports, encoded(subject, items)) for subject, items in subjects.items()}
+    return [Baseline(subject=subject, object=name) for subject, name in kept.items() if entered.get(subject) != name]
+
+
+def remembered(reports: Path, entries: Sequence[Entry]) -> tuple[Remembered, ...]:
+    """Return what catalogue and registers ever had by the ledger's baselines, but for what was explained.
+
+    Raises:
+        EvidenceError: if the object of a baseline is missing, was changed, or cannot be read.
+    """
+    return remember(entries, lambda entry, kind: _decoded(reports, entry.object, entry.subject, kind))
 
 
 def _changes(world: World, document: Document) -> Iterator[Entry]:
@@ -137,6 +189,7 @@ def past(world: World, reports: Path, day: str) -> World:
         packages=tuple(each for each in world.packages if each.digest in sealed or each.named in sealed),
         cases=None,
         register=register,
+        remembered=remembered(reports, entries),
         entries=entries,
         policy=world.policy.until(day),
         filed=_filed(world.filed, reports, entries, day),
@@ -196,7 +249,8 @@ def _decoded(reports: Path, name: str, subject: str, kind: type[_Item]) -> tuple
         found = msgspec.json.decode(read_object(reports, name), type=_Recorded[kind])  # type: ignore[valid-type]
     except msgspec.MsgspecError as error:
         raise EvidenceError(
-            f"the {subject} that the ledger names cannot be read: {error}", "it was written by another version of hil"
+            f"the {subject} that the ledger names cannot be read: {error}",
+            "it was written by another version of hil",
         ) from error
     items: tuple[_Item, ...] = found.entries
     return items

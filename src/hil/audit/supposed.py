@@ -10,7 +10,8 @@ import msgspec
 
 from hil.audit.inputs import Asked, Register, World
 from hil.audit.reading import Folders, asked_of
-from hil.audit.recorded import INSTRUMENTS, UNITS, baseline
+from hil.audit.recorded import baseline
+from hil.audit.remembered import INSTRUMENTS, UNITS
 from hil.documents.findings import Findings, shown
 from hil.documents.node import Scalar, node_at
 from hil.documents.strict_yaml import read_yaml

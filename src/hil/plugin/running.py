@@ -24,6 +24,7 @@ from hil.executive.resuming.preconditions import changes, deviation_of, require_
 from hil.executive.session import EXIT_INTERRUPTED, Session
 from hil.executive.setup.configuration import Configuration, Request, configure
 from hil.executive.setup.head import PlannedCase
+from hil.executive.setup.workspace import Workspace
 from hil.model.errors import Diverged, EvidenceError, Refused
 from hil.plugin.launch import launch
 from hil.plugin.opening import open_new, open_resumed
@@ -221,6 +222,7 @@ def _attend(session: Session, notifier: Notifier) -> None:
     configuration = session.configuration
     if session.machine is None:
         return
+    _keep_registers(configuration.workspace, configuration.reports)
 
     def idle() -> bool:
         session.keeper.tick()
@@ -238,6 +240,14 @@ def _attend(session: Session, notifier: Notifier) -> None:
     session.machine.attend(people)
 
 
+def _keep_registers(its: Workspace, reports: Path) -> None:
+    """Let the ledger remember catalogue and registers as they are when a bench is driven; a run goes on without."""
+    from hil.audit.reading import keep_present  # noqa: PLC0415 - only where a bench is driven
+
+    if problem := keep_present(its.root, its.testplans, its.fixtures, reports):
+        _complain(f"hil: the ledger does not have the present catalogue and registers: {problem}")
+
+
 def _on_call(session: Session, notifier: Notifier) -> OnCall | None:
     request = session.configuration.request
     if not request.unattended:
@@ -251,8 +261,7 @@ def _on_call(session: Session, notifier: Notifier) -> OnCall | None:
 
 def _nothing(out: TextIO, code: int) -> int:
     with suppress(OSError, ValueError):
-        out.write(f"{_WITHOUT.get(code, 'nothing was run')}\n")
-        out.flush()
+        print(_WITHOUT.get(code, "nothing was run"), file=out, flush=True)
     return code
 
 

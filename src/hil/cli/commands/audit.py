@@ -8,12 +8,13 @@ import sys
 from contextlib import contextmanager
 from importlib import metadata
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from hil.cli.commands.ledger import require_head
 from hil.cli.display import write_bytes
+from hil.cli.options import name_option
 from hil.clock.wall import is_date
 from hil.documents.text import visible
 from hil.executive.setup.workspace import find_workspace
@@ -53,6 +54,8 @@ def _uncollected() -> Iterator[None]:
 @click.option("--head", metavar="SHA256", help="A head that was published earlier; the ledger must still contain it.")
 @click.option("--strict", is_flag=True, help="Exit with 1 if a requirement is open.")
 @click.option("--record", is_flag=True, help="Enter catalogue, registers and changes of status into the ledger.")
+@click.option("--because", default="", metavar="TEXT", help="Why entries of catalogue or registers are gone.")
+@name_option("--by", help="Who says why they are gone.")
 @click.option("--format", "formats", metavar="FORMAT", multiple=True, help=f"Write a file: {', '.join(_FORMATS)}.")
 @click.option("--output", metavar="DIR", type=click.Path(path_type=Path), help="Where the files go.")
 @click.option("--no-cache", is_flag=True, help="Verify every package again, also those that did not change.")
@@ -62,16 +65,18 @@ def command(
     supposed: str | None,
     head: str | None,
     strict: bool,
-    record: bool,
     formats: tuple[str, ...],
     output: Path | None,
     no_cache: bool,
+    **entered: Any,  # noqa: ANN401 - record: bool, because: str, by: str
 ) -> int:
     """Compute the status of every requirement over all packages.
 
     A requirement is closed if evidence from hardware meets every condition now: it is good, eligible, whole, known to
     the ledger, of this text, this unit and this analysis, and its instruments are not in doubt. Otherwise it is open,
     with every reason. Nothing is typed in by hand.
+
+    What is gone from the catalogue or a register counts on until --record --because TEXT --by NAME says why.
 
     --if takes a changed requirements.yaml, duts.yaml or instruments.yaml, or the word analysis.
 
@@ -82,9 +87,9 @@ def command(
     from hil.audit.reading import read_world  # noqa: PLC0415 - heavy
     from hil.audit.recorded import past  # noqa: PLC0415 - heavy
 
-    if head is not None:
-        require_head(head)
-    _require_sense(as_of=as_of, supposed=supposed, record=record, formats=formats, output=output)
+    record, because, by = entered["record"], entered["because"], entered["by"]
+    _require_reason(because, by, record=record)
+    _require_sense(as_of=as_of, supposed=supposed, head=head, record=record, formats=formats, output=output)
     folders = workspace_folders()
     cache = Cache(None if no_cache or record else cache_folder(), product_key())
     world = read_world(folders, cache, version=metadata.version("hil"), locked=supposed is None, published_head=head)
@@ -92,6 +97,8 @@ def command(
         world = past(world, folders.reports, as_of)
     if supposed:
         return _suppose(world, folders, supposed)
+    if because:
+        world = _explain(world, folders, because.strip(), by)
     document = audit(world)
     if record:
         _record(world, document, folders)
@@ -108,8 +115,16 @@ def command(
 
 
 def _require_sense(
-    *, as_of: str | None, supposed: str | None, record: bool, formats: Sequence[str], output: Path | None
+    *,
+    as_of: str | None,
+    supposed: str | None,
+    head: str | None,
+    record: bool,
+    formats: Sequence[str],
+    output: Path | None,
 ) -> None:
+    if head is not None:
+        require_head(head)
     if as_of is not None and not is_date(as_of):
         raise Refused(f"--as-of {as_of} is not a day", "write it as 2026-11-22")
     if record and (as_of or supposed):
@@ -123,6 +138,13 @@ def _require_sense(
         raise Refused("a workbook cannot be shown on a terminal", "add --output DIR")
     if output is None and len(formats) > 1:
         raise Refused(f"{len(formats)} formats cannot go to standard output together", "add --output DIR")
+
+
+def _require_reason(because: str, by: str, *, record: bool) -> None:
+    if because and not (because.strip() and because.isprintable()):
+        raise Refused("--because must be one line", 'say why: --because "entered for the wrong unit"')
+    if bool(because) != bool(by) or (because and not record):
+        raise Refused("--record, --because and --by are given together", "say why, and who says so")
 
 
 def workspace_folders() -> Folders:
@@ -164,6 +186,16 @@ def _pieces(document: Document, form: str, link: str) -> Iterator[bytes]:
         yield from map(str.encode, as_html(document, link))
     else:
         yield {"csv": as_csv, "json": as_json, "xlsx": as_xlsx}[form](document)
+
+
+def _explain(world: World, folders: Folders, because: str, by: str) -> World:
+    from hil.audit.recorded import explain  # noqa: PLC0415 - heavy
+    from hil.audit.remembered import removed_from  # noqa: PLC0415 - heavy
+
+    gone = removed_from(world.asked, world.register, world.remembered).told
+    for each in gone:
+        click.echo(visible(f"explained: {each.name}"), err=True)
+    return explain(folders.reports, world, by=by, text=because) if gone else world
 
 
 def _record(world: World, document: Document, folders: Folders) -> None:

@@ -22,6 +22,7 @@ __all__ = [
     "Approved",
     "Baseline",
     "Entry",
+    "Explained",
     "Head",
     "Opened",
     "Reason",
@@ -212,6 +213,22 @@ class Baseline(Entry, frozen=True, kw_only=True):
     object: str
 
 
+class Explained(Entry, frozen=True, kw_only=True):
+    """A named person said why an entry of the catalogue or a register is gone, or was changed.
+
+    Attributes:
+        entry: what tells the entry from all others.
+        name: the entry in words.
+        by: who says so.
+        text: why.
+    """
+
+    entry: str
+    name: str
+    by: str
+    text: str
+
+
 class Reason(Part, frozen=True, kw_only=True):
     """Why a requirement has its status.
 
@@ -244,7 +261,7 @@ class Status(Entry, frozen=True, kw_only=True):
     evidence: tuple[str, ...] = ()
 
 
-_Any = Acknowledged | Approved | Baseline | Head | Opened | Repaired | Replayed | Sealed | Signed | Status
+_Any = Acknowledged | Approved | Baseline | Explained | Head | Opened | Repaired | Replayed | Sealed | Signed | Status
 
 KINDS: Mapping[str, type[Entry]] = {each.kind(): each for each in get_args(_Any)}
 """The type of every kind of entry, by what the ledger calls it."""
