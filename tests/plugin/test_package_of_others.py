@@ -5,7 +5,7 @@ from __future__ import annotations
 import textwrap
 
 import pytest
-from other_packages import TMP117, install, uninstall
+from other_packages import INA226, install, uninstall
 from told_as_json import bodies, results_as_json
 from workspaces import Workspace
 
@@ -16,61 +16,61 @@ from hil.plugin.rehearsing import procedure, replay
 
 BENCH = """\
 schema: hil/bench/1
-bench: {name: air, title: A box with air, place: Table 1}
+bench: {name: air, title: A rail, place: Table 1}
 buses:
   i2c1: {port: /dev/i2c-1, frequency: 400 kHz}
 instruments:
-  tmp1:
-    driver: tmp117
+  mon1:
+    driver: ina226
     bus: i2c1
-    address: "0x48"
-    identity: {model: TMP117}
+    address: "0x40"
+    identity: {model: INA226}
     dut: true
     calibration:
-      certificate: certificates/tmp1.txt
+      certificate: certificates/mon1.txt
       due: "2030-01-01"
       ranges:
-      - {quantity: temperature, unit: degC, from: "-20", to: "50", absolute: "0.1"}
+      - {quantity: voltage, unit: V, from: "-1", to: "50", absolute: "0.1"}
 wiring:
-- {role: thermometer, instrument: tmp1, settings: {averages: "8"}, note: in the middle of the box}
+- {role: power_monitor, instrument: mon1, settings: {averages: "16"}, note: on the rail}
 envelope:
-- {id: air, output: thermometer, quantity: temperature, unit: degC, max: "40", period: 5 s, max_age: 20 s}
+- {id: air, output: power_monitor, quantity: voltage, unit: V, max: "6", period: 5 s, max_age: 20 s}
 safe_off:
-- {output: thermometer, state: asleep, within: 1 s}
+- {output: power_monitor, state: asleep, within: 1 s}
 rest:
-- {output: thermometer, state: asleep, within: 1 s}
+- {output: power_monitor, state: asleep, within: 1 s}
 simulated:
   seed: "7"
   epoch: "2026-03-02T06:00:00Z"
   plants:
-    box: {model: still-air, grid: 100 ms, truth: {start: "20", around: "30", time: "60"}}
+    box: {model: soft-start, grid: 100 ms, truth: {target: "5", time: "60"}}
   peers:
-    tmp1: {truth: {noise: "0.02"}, connects: {temperature: box.temperature}}
+    mon1: {truth: {noise: "0.02"}, connects: {voltage: box.voltage, current: box.current}}
 """
 
 REQUIREMENTS = """\
 schema: hil/requirements/1
-document: {id: AIR, issue: "1.0", title: Air in a box}
+document: {id: AIR, issue: "1.0", title: A rail}
 requirements:
-- {id: AIR-010, rev: 1, text: The air shall come to 30 degC within five minutes., kind: limit, method: test,
-   limits: [{parameter: temperature, unit: degC, min: "29", max: "31", decision: guarded}]}
-- {id: AIR-020, rev: 1, text: The temperature shall be recorded., kind: record, method: test,
-   records: {recording: warming, channels: [temperature], rate: 4 Hz, duration: 10 s, max_gap: 1 s}}
+- {id: AIR-010, rev: 1, text: The rail shall come to 5 V within five minutes., kind: limit, method: test,
+   limits: [{parameter: voltage, unit: V, min: "4.8", max: "5.2", decision: guarded}]}
+- {id: AIR-020, rev: 1, text: The voltage shall be recorded., kind: record, method: test,
+   records: {recording: warming, channels: [voltage], rate: 4 Hz, duration: 10 s, max_gap: 1 s}}
 """
 
 CASES = """\
     import pytest
 
     @pytest.mark.requirement("AIR-010", "AIR-020")
-    def test_the_air_gets_warm(thermometer, record, check, step, clock):
+    def test_the_air_gets_warm(power_monitor, record, check, step, clock):
         '''It tends to what is around it.'''
         with step("Wake the sensor"):
-            thermometer.start()
+            power_monitor.start()
         with step("Record"):
-            record("warming", thermometer, duration=11.0, rate=4.0)
+            record("warming", power_monitor, duration=11.0, rate=4.0)
         with step("Wait"):
             clock.sleep(300.0)
-            check("AIR-010", "temperature", thermometer.temperature())
+            check("AIR-010", "voltage", power_monitor.voltage())
 """
 
 
@@ -78,9 +78,9 @@ CASES = """\
 def _package(tmp_path_factory):
     """Install the package for these tests."""
     folder = tmp_path_factory.mktemp("site")
-    install(TMP117, folder)
+    install(INA226, folder)
     yield
-    uninstall(TMP117, folder)
+    uninstall(INA226, folder)
 
 
 @pytest.fixture
@@ -93,7 +93,7 @@ def made(tmp_path):
         folder.mkdir(parents=True)
     (root / "hil.toml").touch()
     (bench / "bench.yaml").write_text(BENCH, encoding="utf-8")
-    (bench / "certificates/tmp1.txt").write_text("A certificate.\n", encoding="utf-8")
+    (bench / "certificates/mon1.txt").write_text("A certificate.\n", encoding="utf-8")
     duts = (
         "schema: hil/duts/1\nduts:\n- {serial: AIR-1, part: AIR, model: EM, hardware: A, simulated: true, title: Air}\n"
     )
@@ -117,26 +117,28 @@ def test_it_runs_to_a_package_that_verifies_and_replays(made):
     assert (run.code, results_as_json(run.package)["verdict"]) == (0, "PASS"), run.out
     assert verify(run.package.folder).findings == ()
     effects = [(event["name"], event["effect"]) for event in bodies(run.package, "effect")]
-    assert ("thermometer.start", "drives") in effects
-    assert ("thermometer.temperature", "reads") in effects
+    assert ("power_monitor.start", "drives") in effects
+    assert ("power_monitor.voltage", "reads") in effects
     (check,) = (
         each
         for case in results_as_json(run.package)["cases"]
         for each in case["checks"]
-        if each["parameter"] == "temperature"
+        if each["parameter"] == "voltage"
     )
-    assert 29.8 < float(check["value"]) < 30.1
+    assert 4.95 < float(check["value"]) < 5.02
     assert float(check["uncertainty"]) == pytest.approx(0.05)
     replayed = replay(run.package)
     assert (replayed.cases, replayed.differences) == (1, ())
-    assert any("start" in line and "thermometer" in line for line in procedure(made.request(bench="air", dut="AIR-1")))
+    assert any(
+        "start" in line and "power_monitor" in line for line in procedure(made.request(bench="air", dut="AIR-1"))
+    )
 
 
 def test_a_fault_of_the_package_ends_a_case_in_the_open(made):
-    """The data line is held: what answers is no thermometer any more, and the DUT has failed."""
+    """The data line is held: what answers is no power monitor any more, and the DUT has failed."""
     path = made.root / "fixtures/benches/air/bench.yaml"
     text = path.read_text(encoding="utf-8").replace(
-        "connects: {temp", "faults: [{kind: sda-low, from: 15 s}], connects: {temp"
+        "connects: {volt", "faults: [{kind: sda-low, from: 15 s}], connects: {volt"
     )
     path.write_text(text, encoding="utf-8")
     run = ran(made)
@@ -148,11 +150,14 @@ def test_a_fault_of_the_package_ends_a_case_in_the_open(made):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (("role: thermometer,", "role: thermometre,"), "unknown role 'thermometre', did you mean 'thermometer'"),
-        (("model: still-air", "model: still-ait"), "unknown plant model 'still-ait', did you mean 'still-air'"),
-        (("driver: tmp117", "driver: tmp11"), "unknown driver 'tmp11', did you mean 'tmp117'"),
+        (
+            ("role: power_monitor,", "role: power_moniter,"),
+            "unknown role 'power_moniter', did you mean 'power_monitor'",
+        ),
+        (("model: soft-start", "model: soft-strat"), "unknown plant model 'soft-strat', did you mean 'soft-start'"),
+        (("driver: ina226", "driver: ina22"), "unknown driver 'ina22', did you mean 'ina226'"),
         (("state: asleep, within", "state: off, within"), "unknown state 'off'"),
-        (("unit: degC, max", "unit: K, max"), "temperature is given in degC here, not in 'K'"),
+        (("unit: V, max", "unit: mV, max"), "voltage is given in V here, not in 'mV'"),
     ],
 )
 def test_its_names_are_checked_like_ours(made, change, message):
@@ -178,7 +183,7 @@ def test_a_role_that_cannot_be_used_is_told_at_its_wire(made, tmp_path):
     """Another package has the same role: what, which packages, and what to do."""
     other = tmp_path / "hil_other"
     (other / "src").mkdir(parents=True)
-    points = '[project.entry-points."hil.roles"]\nthermometer = "hil_other:ROLE"\n'
+    points = '[project.entry-points."hil.roles"]\npower_monitor = "hil_other:ROLE"\n'
     (other / "pyproject.toml").write_text(f'[project]\nname = "hil-other"\nversion = "3"\n{points}', encoding="utf-8")
     install(other, tmp_path / "site")
     try:
@@ -187,5 +192,5 @@ def test_a_role_that_cannot_be_used_is_told_at_its_wire(made, tmp_path):
     finally:
         uninstall(other, tmp_path / "site")
     told = str(caught.value)
-    assert "there are several roles 'thermometer': hil_other:ROLE (package hil-other 3)" in told
-    assert "hil_tmp117.role:THERMOMETER (package hil-tmp117 0.1); uninstall the packages of all but one" in told
+    assert "there are several roles 'power_monitor': hil_ina226.role:POWER_MONITOR (package hil-ina226 0.1), " in told
+    assert "hil_other:ROLE (package hil-other 3); uninstall the packages of all but one" in told

@@ -8,9 +8,9 @@ from pathlib import Path
 
 from hil.documents import offers
 
-__all__ = ["TMP117", "install", "uninstall"]
+__all__ = ["INA226", "install", "uninstall"]
 
-TMP117 = Path(__file__).parent / "packages/hil_tmp117"
+INA226 = Path(__file__).parent / "packages/hil_ina226"
 
 
 def install(project: Path, into: Path) -> None:

@@ -224,7 +224,7 @@ class Iim42652(SensorDriver):
     A wire may set `range` (deg/s), `rate` (Hz), `bandwidth` (-3 dB, Hz), and `line`, the OBC's at which INT1 ends.
     """
 
-    roles: ClassVar[frozenset[str]] = frozenset({"gyroscope"})
+    roles: ClassVar[frozenset[str]] = frozenset({"gyroscope", "thermometer"})
     sensor: ClassVar[type[Sensor]] = Iim42652Gyroscope
 
 

@@ -131,11 +131,11 @@ class Lis3mdlMagnetometer(Sensor):
 
 
 class Lis3mdl(SensorDriver):
-    """Driver `lis3mdl`: role `magnetometer`.
+    """Driver `lis3mdl`: role `magnetometer`, and `thermometer` for the temperature of its die.
 
     A wire may set `range` (4, 8, 12 or 16 gauss; 4 where it does not) and `rate` (0.625, 1.25, 2.5, 5,
     10, 20, 40, 80 or 155 Hz; 80 where it does not).
     """
 
-    roles: ClassVar[frozenset[str]] = frozenset({"magnetometer"})
+    roles: ClassVar[frozenset[str]] = frozenset({"magnetometer", "thermometer"})
     sensor: ClassVar[type[Sensor]] = Lis3mdlMagnetometer

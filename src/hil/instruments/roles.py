@@ -110,6 +110,11 @@ class Magnetometer(Sampled, Protocol):
         """Put the sensor into power-down."""
         ...
 
+    @reads
+    def temperature(self) -> Annotated[Figure, "degC"]:
+        """Return the temperature of the sensor's next sample in degC."""
+        ...
+
 
 class Thermal(Protocol):
     """A temperature controller. Degrees Celsius."""
@@ -288,7 +293,9 @@ CYCLER = Role(
 
 GYROSCOPE = Role(name="gyroscope", protocol=Gyroscope, quantities={"temperature": "degC"}, states={"asleep": "stop"})
 
-MAGNETOMETER = Role(name="magnetometer", protocol=Magnetometer, states={"asleep": "stop"})
+MAGNETOMETER = Role(
+    name="magnetometer", protocol=Magnetometer, quantities={"temperature": "degC"}, states={"asleep": "stop"}
+)
 
 OBC = Role(name="obc", protocol=Obc)
 

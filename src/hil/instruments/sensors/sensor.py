@@ -15,9 +15,10 @@ from hil.instruments.sampled import Channel
 from hil.instruments.sensors.registers import Banks, Registers
 from hil.model.bench import Wire
 from hil.model.errors import NoReply, Refused, WrongIdentity
+from hil.model.figure import Figure
 from hil.model.identity import Identity
 
-__all__ = ["Chip", "Sensor", "SensorDriver"]
+__all__ = ["Chip", "DieThermometer", "Sensor", "SensorDriver"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -122,6 +123,24 @@ class Sensor(ABC):
         self._require_running()
         return self._sample()
 
+    @reads
+    def temperature(self) -> Figure:
+        """Return the temperature of the next sample in degC.
+
+        Raises:
+            Refused: the chip does not measure it.
+            NoReply, Garbled: see `sample`.
+        """
+        for place, channel in enumerate(self.measures):
+            if channel.name == "temperature":
+                return Figure(value=self.sample()[place], unit=channel.unit)
+        raise Refused(f"{self._device}: the {self.chip.model} measures no temperature", "wire a thermometer")
+
+    @property
+    def running(self) -> bool:
+        """Whether it was started, and not stopped since."""
+        return self._running
+
     @abstractmethod
     def _wake(self) -> None:
         """Set everything from a known state, read it back, and wait for the first valid sample."""
@@ -158,8 +177,47 @@ class Sensor(ABC):
             raise Refused(f"{self._device} has not been started", "call start() before the first sample")
 
 
+class DieThermometer:
+    """The temperature of a chip that is there for something else; fills the role `thermometer`.
+
+    Args:
+        sensor: returns the chip, as its own role sets it; where it is wired as a thermometer alone, as this wire does.
+    """
+
+    def __init__(self, sensor: Callable[[], Sensor]) -> None:
+        self._sensor = sensor
+
+    @drives
+    def start(self) -> None:
+        """Start the sensor, unless it runs."""
+        if not self._sensor().running:
+            self._sensor().start()
+
+    @drives
+    def stop(self) -> None:
+        """Put the sensor to sleep, whoever started it."""
+        self._sensor().stop()
+
+    @reads
+    def temperature(self) -> Figure:
+        """Return the temperature of the chip in degC."""
+        return self._sensor().temperature()
+
+    def channels(self) -> tuple[Channel, ...]:
+        """Return the temperature."""
+        return (Channel("temperature", "degC"),)
+
+    @reads
+    def sample(self) -> tuple[float, ...]:
+        """Return the temperature of the chip."""
+        return (self.temperature().value,)
+
+
 class SensorDriver:
-    """A driver with one role, filled by one sensor. A chip's driver names `roles` and the class `sensor`."""
+    """A driver for one sensor, which fills the role of its chip; and `thermometer`, where `roles` says so.
+
+    A chip's driver names `roles` and the class `sensor`.
+    """
 
     roles: ClassVar[frozenset[str]]
     sensor: ClassVar[type[Sensor]]
@@ -167,6 +225,8 @@ class SensorDriver:
     def __init__(self, connection: Connection) -> None:
         self._registers = self.sensor.chip.registers(connection)
         self._clock = connection.clock
+        self._sensors: dict[str, Sensor] = {}
+        self._set: set[str] = set()
 
     def identify(self) -> Identity:
         """Read the register that names the type; nothing names the article."""
@@ -178,7 +238,12 @@ class SensorDriver:
         """Return nothing: a sensor has no outputs."""
         return ()
 
-    def role(self, wire: Wire) -> Sensor:
-        """Return the sensor, set as the wire says."""
+    def role(self, wire: Wire) -> Sensor | DieThermometer:
+        """Return the sensor, set as the wire says; or its temperature."""
+        own = self.sensor.chip.role
         settings.fits(wire, self.sensor.chip.driver, self.roles)
-        return self.sensor(self._registers, self._clock, wire)
+        self._sensors[wire.role] = sensor = self.sensor(self._registers, self._clock, wire)
+        self._set.update({wire.role} if wire.settings else ())
+        if own in self._sensors and self._set - {own}:
+            raise Refused(f"{wire.name}: the settings of this chip are those of its role {own}", "move them there")
+        return sensor if wire.role == own else DieThermometer(lambda: self._sensors.get(own, sensor))

@@ -8,14 +8,12 @@ from typing import Annotated, ClassVar
 
 from hil.clock.port import Clock
 from hil.instruments import settings
-from hil.instruments.marks import reads
 from hil.instruments.sampled import Channel
 from hil.instruments.sensors.registers import Registers
 from hil.instruments.sensors.scale import Scale
 from hil.instruments.sensors.sensor import Chip, Sensor, SensorDriver
 from hil.model.bench import Wire
 from hil.model.errors import Garbled, Rejected
-from hil.model.figure import Figure
 from hil.model.notation import measured
 
 __all__ = ["Tmp117", "Tmp117Settings", "Tmp117Thermometer"]
@@ -58,12 +56,6 @@ class Tmp117Thermometer(Sensor):
         super().__init__(registers, clock, wire)
         self._averages, self._cycle = _AVERAGES[settings.read(wire, Tmp117Settings).averages]
         self._scale = Scale(per_unit=128.0, rails=_RAILS)
-
-    @reads
-    def temperature(self) -> Figure:
-        """Return the next temperature in degC."""
-        (value,) = self.sample()
-        return Figure(value=value, unit="degC")
 
     def _wake(self) -> None:
         self._put(_SHUTDOWN)

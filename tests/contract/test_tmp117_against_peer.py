@@ -1,19 +1,18 @@
-"""A chip in a package of its own: its peer against the data sheet, and its driver against its peer."""
+"""The TMP117: its peer against the data sheet, and its driver against its peer, over both buses."""
 
 from __future__ import annotations
 
 import json
 import math
-from importlib import import_module
 
 import pytest
-from other_packages import TMP117, install, uninstall
-from sensor_bench import Bench, SensorChip
+from sensor_bench import CHIPS, Bench, SensorChip
 
-from hil.instruments.registry import DRIVERS, ROLES
-from hil.model.errors import Garbled, NoReply, Refused, Rejected, WrongIdentity
+from hil.instruments.registry import DRIVERS
+from hil.model.bench import Wire
+from hil.model.errors import NoReply, Refused, WrongIdentity
 from hil.model.identity import Identity
-from hil.simulation.registry import FAULTS, PEERS, PLANTS
+from hil.simulation.registry import PEERS
 from hil.simulation.truth import TruthError
 from hil.wire.peer import Nack
 
@@ -30,15 +29,6 @@ COUNTS = [
 """Temperatures and what stands in the register, table 7-1 of the data sheet."""
 
 
-@pytest.fixture(scope="module", autouse=True)
-def _package(tmp_path_factory):
-    """Install the package for these tests."""
-    folder = tmp_path_factory.mktemp("site")
-    install(TMP117, folder)
-    yield
-    uninstall(TMP117, folder)
-
-
 class Feeling:
     """What the sensor feels."""
 
@@ -50,14 +40,14 @@ class Feeling:
         return self.celsius
 
 
-def bench(celsius=25.0, noise="0", settings=None, faults=(), truth=None):
+def bench(celsius=25.0, noise="0", settings=None, faults=(), truth=None, *, board=False):
     """Return a sensor that feels a temperature."""
     chip = SensorChip(
         driver=DRIVERS["tmp117"], model=PEERS["tmp117"], role="thermometer", unit="degC", named="TMP117", address=0x48,
         strapped=0x49, power_on=(0x01, b"\x02\x20"), ranges=(), rates=(), narrow=0.0, truth={}, expected=(), close=0.0,
         sleep=(0x01, 0x04),
     )  # fmt: skip
-    made = Bench(chip, truth={"noise": noise, **(truth or {})}, settings=settings, faults=faults)
+    made = Bench(chip, truth={"noise": noise, **(truth or {})}, settings=settings, faults=faults, board=board)
     made.peer._peer._temperature = Feeling(celsius)
     return made
 
@@ -125,10 +115,11 @@ def test_what_can_only_be_read_keeps_its_value():
     assert made.read(0x02, 2).hex() == "1234"
 
 
+@pytest.mark.parametrize("board", [False, True], ids=["host", "obc"])
 @pytest.mark.parametrize("averages", ["1", "8", "32", "64"])
-def test_the_driver_reads_what_the_sensor_feels(averages):
-    """Each sample is a new one, at the cycle of the averaging."""
-    made = bench(-12.5, noise="0.01", settings={"averages": averages})
+def test_the_driver_reads_what_the_sensor_feels(averages, board):
+    """Each sample is a new one, at the cycle of the averaging, on the host's bus and on one that a board serves."""
+    made = bench(-12.5, noise="0.01", settings={"averages": averages}, board=board)
     made.sensor.start()
     before = made.clock.now()
     figures = [made.sensor.temperature() for _ in range(8)]
@@ -156,7 +147,6 @@ def test_stop_and_start_again():
     [
         ([{"kind": "identity", "value": "0x0116"}], WrongIdentity, "DEVICE_ID is 0x116, the TMP117 has 0x117"),
         ([{"kind": "dead"}], NoReply, "no acknowledge at address 0x48"),
-        ([{"kind": "sda-low", "after": "1"}], WrongIdentity, "DEVICE_ID is 0x100"),
     ],
 )
 def test_what_is_wrong_at_the_start(faults, error, message):
@@ -165,15 +155,8 @@ def test_what_is_wrong_at_the_start(faults, error, message):
         bench(faults=faults).sensor.start()
 
 
-def test_what_goes_wrong_later():
-    """A line held low forgets its name; a configuration that reads back otherwise is rejected; NaN beyond 150 degC."""
-    made = bench(faults=[{"kind": "sda-low", "from": "1 s"}])
-    made.sensor.start()
-    made.clock.sleep(1)
-    with pytest.raises((Garbled, NoReply)):
-        made.sensor.sample()
-    with pytest.raises(Rejected, match="CONFIGURATION was set to 0x0400 and reads back 0x0000"):
-        made.sensor.stop()
+def test_beyond_its_range_there_is_no_number():
+    """The chip measures from -55 to 150 degC."""
     hot = bench(160.0)
     hot.sensor.start()
     assert math.isnan(hot.sensor.sample()[0])
@@ -225,20 +208,22 @@ def test_what_a_wire_and_a_truth_cannot_say():
         bench(noise="-1")
 
 
-def test_air_tends_to_what_is_around_it():
-    """One time constant brings it by 1 - 1/e; it does not depend on who looks."""
-    model = PLANTS["still-air"]
-    module = import_module("hil_tmp117.plant")
-    assert model.build is module.build
-    air = module.StillAir("air", 10 * MS, module.AirTruth())
-    air.advance(100_000 * MS)
-    assert air.observe("temperature") == pytest.approx(30.0 - 10.0 / math.e, abs=1e-3)
-
-
-def test_everything_is_found_by_entry_point():
-    """Role, driver, peer, plant and fault are where everybody looks for them."""
-    for offers, name in ((ROLES, "thermometer"), (DRIVERS, "tmp117"), (PEERS, "tmp117"), (PLANTS, "still-air")):
-        assert name in offers
-        assert offers[name]
-    assert FAULTS["sda-low"].name == "sda-low"
-    assert ROLES["thermometer"].operations["temperature"].unit == "degC"
+@pytest.mark.parametrize("chip", CHIPS, ids=lambda chip: chip.named)
+def test_the_temperature_of_another_chip_is_a_thermometer(chip):
+    """It is the chip's own number, and the thermometer does not start anew what runs."""
+    made = Bench(chip, truth=chip.truth)
+    thermometer = made.driver.role(Wire(role="thermometer", instrument="device"))
+    with pytest.raises(Refused, match="has not been started"):
+        thermometer.temperature()
+    thermometer.start()
+    before = made.clock.now()
+    thermometer.start()
+    assert made.clock.now() == before
+    assert made.sensor.sample()[3] == pytest.approx(thermometer.sample()[0], abs=0.01)
+    assert thermometer.temperature().value == pytest.approx(chip.expected[3], abs=0.01)
+    assert made.sensor.temperature().unit == "degC"
+    thermometer.stop()
+    with pytest.raises(Refused, match="has not been started"):
+        made.sensor.sample()
+    with pytest.raises(Refused, match=f"the settings of this chip are those of its role {chip.role}"):
+        made.driver.role(Wire(role="thermometer", instrument="device", settings={"rate": chip.rates[0]}))
