@@ -27,6 +27,7 @@ class LastAct:
     Attributes:
         since: when it began, UTC.
         unproven: the outputs that were not proven safe when it was last asked; None where that is not on record.
+        proven: the outputs that were proven safe so far.
         proves: whether it guarded any output.
         finished: whether it had finished, and was not trying any more.
         trying: whether it had told that it goes on trying.
@@ -35,6 +36,7 @@ class LastAct:
 
     since: str
     unproven: tuple[str, ...] | None
+    proven: tuple[str, ...]
     proves: bool
     finished: bool
     trying: bool
@@ -63,6 +65,7 @@ def last_act(lines: Sequence[dict[str, Any]]) -> LastAct | None:
     return LastAct(
         since=str(act[0].get("utc", "")),
         unproven=unproven,
+        proven=tuple(output for output, ok in _proofs(act).items() if ok),
         proves=done is None or bool(done.get("proven", any(line.get("event") == "proof" for line in act))),
         finished=done is not None,
         trying=trying is not None,
@@ -74,8 +77,12 @@ def _unproven(lines: Sequence[dict[str, Any]]) -> tuple[str, ...]:
     """Return the outputs that a line names, as the proofs after it leave them."""
     named = lines[0].get("unproven")
     states = dict.fromkeys(map(str, named), False) if isinstance(named, list) else {}
-    states |= {str(line.get("output")): line.get("ok") is True for line in lines if line.get("event") == "proof"}
-    return tuple(output for output, ok in states.items() if not ok)
+    return tuple(output for output, ok in (states | _proofs(lines)).items() if not ok)
+
+
+def _proofs(lines: Sequence[dict[str, Any]]) -> dict[str, bool]:
+    """Return whether each output that was asked is safe, as it was last asked."""
+    return {str(line.get("output")): line.get("ok") is True for line in lines if line.get("event") == "proof"}
 
 
 def guardian_hash(folder: Path) -> str:

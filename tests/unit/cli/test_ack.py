@@ -181,8 +181,7 @@ def test_a_latched_run_is_told_wherever_runs_are_told(capsys):
 
 
 def test_a_guardian_that_has_just_begun_is_told(reports, capsys):
-    """It has not had the time to prove anything, which is not the same as having no proof."""
-    del reports
+    """It has not had the time to prove anything, which is not the same as having no proof; later, what it proved."""
     lease = Lease(["/dev/psu"], "a run of battery")
     lease.name(SAFED)
     begun = "making the bench safe since 2026-11-21 10:00:09.250 UTC; nothing is proven yet"
@@ -190,6 +189,14 @@ def test_a_guardian_that_has_just_begun_is_told(reports, capsys):
     assert json.loads(said(capsys, "status", SAFED, "--json")[1])["guardian"]["unproven"] is None
     lease.release()
     assert "guardian    no proof is on record" in said(capsys, "status", SAFED)[1]
+    proof = {"event": "proof", "output": "supply.coil", "ok": True, "detail": "safe"}
+    with (reports / SAFED / GUARDIAN).open("a") as journal:
+        journal.write(f"{json.dumps(proof)}\n")
+    assert "it ended before it was done; proven safe: supply.coil" in said(capsys, "status", SAFED)[1]
+    lease = Lease(["/dev/psu"], "a run of battery")
+    lease.name(SAFED)
+    assert f"{begun.partition(';')[0]}; proven safe: supply.coil" in said(capsys, "status", SAFED)[1]
+    lease.release()
 
 
 def test_a_guardian_that_keeps_trying_is_told_and_can_be_acknowledged(reports, capsys, monkeypatch):

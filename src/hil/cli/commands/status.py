@@ -116,11 +116,13 @@ def _guardian(folder: Path) -> str:
         return ""
     if not act.proves:
         return "it guarded no output, so nothing was proven safe"
-    what = "no proof is on record" if act.unproven is None else f"NOT PROVEN SAFE: {', '.join(act.unproven)}"
+    so_far = f"proven safe: {', '.join(act.proven)}" if act.proven else ""
+    known = f"it ended before it was done; {so_far}" if so_far else "no proof is on record"
+    what = known if act.unproven is None else f"NOT PROVEN SAFE: {', '.join(act.unproven)}"
     if act.finished or not holds_a_lease(folder.name):
         return what
     if act.unproven is None:
-        return f"making the bench safe since {moment(act.since)}; nothing is proven yet"
+        return f"making the bench safe since {moment(act.since)}; {so_far or 'nothing is proven yet'}"
     process = f" (process {act.pid})" if act.pid else ""
     return f"trying since {moment(act.since)}{process}; {what}"
 
