@@ -27,6 +27,20 @@ def test_what_is_on_goes_off_and_is_proven(name):
 
 
 @KINDS
+def test_who_it_is_can_be_asked(name):
+    """It replies at any time, so that another one is told from it; some protocols have no such question."""
+    kind = BY_BYTES[name]
+    with rig(kind) as found:
+        found.driver.identify()
+        code = found.code(kind.proof)
+        assert (code.who is None) == (name in {"cycler", "eurotherm-3216", "omron-e5cc", "waveshare-relay"})
+        if code.who is not None:
+            assert found.exchange(code.who)
+            kind.drive(found)
+            assert found.exchange(code.who)
+
+
+@KINDS
 def test_what_is_on_is_not_proven_off(name):
     """The proof alone changes nothing and does not hold, with the bench file's bounds and without."""
     kind = BY_BYTES[name]

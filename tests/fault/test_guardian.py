@@ -219,6 +219,41 @@ def test_a_connection_is_used_while_it_stands_and_made_anew_when_it_does_not(tmp
     assert latched(plan).outputs == ()
 
 
+@pytest.mark.system
+def test_another_instrument_at_an_address_gets_no_byte_but_the_question_who_it_is(tmp_path, stack, instruments):
+    """It is named, the output is not proven, and the instrument that comes back to its address is made safe."""
+    ours = instruments(kind=NetworkInstrument)
+    at = int(ours.url.rpartition(":")[2])
+
+    class There(NetworkInstrument):
+        """Whoever has that address later."""
+
+        port = at
+
+    class Stranger(There):
+        """Somebody else's supply."""
+
+        name = b"psu 2"
+
+    plan = plan_of(tmp_path, output_of("one", "psu", within_s=0.5), urls={"psu": ours.url})
+    executive = started(stack, plan, psu=ours)
+    assert all(each["ok"] for each in executive.ask("drill")["results"])
+    executive.arm()
+    ours.close()
+    stranger = instruments(kind=Stranger)
+    executive.process.kill()
+    assert "NOT PROVEN SAFE: one" in executive.wait_for_words()
+    assert stranger.on == {1}
+    assert {command for _, command in stranger.heard} == {b"WHO?"}
+    told = events(plan, "proof")[-1]["detail"]
+    assert f"another instrument answers, 'i am psu 2', at {ours.url}, which was 'i am psu 1'" in told
+    stranger.close()
+    returned = instruments(kind=There)
+    returned.wait(lambda: not returned.on)
+    executive.wait_for_guardian()
+    assert events(plan, "done")[-1]["unproven"] == []
+
+
 def test_a_child_that_keeps_everything_open_hides_no_death(tmp_path, stack, instruments):
     """A fork of the executive holds its end of the line; its death is seen all the same."""
     psu = instruments()

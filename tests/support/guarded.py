@@ -50,6 +50,7 @@ def code(channel: int = 1, within_s: float = 0.2) -> SafeBytes:
             ),
         ),
         owed_s=within_s,
+        who=Exchange(send=b"WHO?\n", expect=rb"i am [^\n]+\n", within_s=within_s),
     )
 
 
@@ -95,7 +96,10 @@ class Instrument:
         dead: it reads and says nothing.
         refuses: it says that an output is off and leaves it on.
         chatter: what it says by itself before every reply.
+        name: what it says that it is.
     """
+
+    name = b"psu 1"
 
     def __init__(self, channels: int = 1) -> None:
         self.on = set(range(1, channels + 1))
@@ -164,8 +168,8 @@ class Instrument:
 
     def _reply(self, line: bytes) -> bytes:
         word, _, number = line.partition(b" ")
-        if word == b"SYNC":
-            return b"synced\n"
+        if word in {b"WHO?", b"SYNC"}:
+            return b"i am %b\n" % self.name if word == b"WHO?" else b"synced\n"
         if word == b"OFF":
             if not self.refuses:
                 self.on.discard(int(number))
@@ -218,10 +222,12 @@ class NetworkInstrument(Instrument):
         clients: how many have connected so far.
     """
 
+    port = 0
+
     def _open(self) -> str:
         self.clients = 0
         self._client: socket.socket | None = None
-        self._listener = socket.create_server(("127.0.0.1", 0))
+        self._listener = socket.create_server(("127.0.0.1", self.port))
         return f"socket://127.0.0.1:{self._listener.getsockname()[1]}"
 
     def hang_up(self) -> None:

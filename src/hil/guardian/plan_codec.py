@@ -47,7 +47,7 @@ def read_plan(data: bytes) -> GuardPlan:
     for output in plan.outputs:
         if output.device not in devices:
             raise ValueError(f"{output.output} belongs to {output.device}, which has no port")
-        for exchange in every_exchange(output.code):
+        for exchange in (*every_exchange(output.code), *filter(None, (output.code.who,))):
             _compiles(output.output, exchange)
     return plan
 
@@ -70,7 +70,9 @@ def _port(told: Mapping[str, Any]) -> GuardedPort:
 
 def _output(told: Mapping[str, Any]) -> GuardedOutput:
     code = {part: tuple(_exchange(each) for each in told["code"][part]) for part in ("resync", "off", "proof")}
-    safe = SafeBytes(**code, owed_s=told["code"]["owed_s"], talks=told["code"]["talks"])
+    who = told["code"]["who"]
+    asked = None if who is None else _exchange(who)
+    safe = SafeBytes(**code, owed_s=told["code"]["owed_s"], talks=told["code"]["talks"], who=asked)
     return GuardedOutput(**{**told, "code": safe, "cut_by": tuple(told["cut_by"])})
 
 

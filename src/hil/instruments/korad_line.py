@@ -262,4 +262,5 @@ def switched_off(questions: tuple[tuple[bytes, bytes, tuple[float, float] | None
         for command, reply, bounds in ((b"*IDN?", _IDENTIFICATION.pattern, None), *questions)
     )
     off = Exchange(send=b"OUT0", quiet_s=_SAFE_SILENCE_S)
-    return SafeBytes(resync=(Exchange(send=b"", quiet_s=2 * _SILENCE_S),), off=(off, off), proof=proof, owed_s=within_s)
+    resync = (Exchange(send=b"", quiet_s=2 * _SILENCE_S),)
+    return SafeBytes(resync=resync, off=(off, off), proof=proof, owed_s=within_s, who=proof[0])

@@ -134,6 +134,7 @@ def stopped(axis: int, rate: tuple[float, float] | None, within_s: float) -> Saf
         off=(Exchange(send=b"%dST\r" % axis), Exchange(send=b"%dMF\r" % axis)),
         proof=tuple(asked),
         owed_s=within_s,
+        who=asked[0],
     )
 
 

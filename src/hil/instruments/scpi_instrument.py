@@ -257,4 +257,5 @@ def _switched_off(
         off=(Exchange(send=bytes_of(off), quiet_s=quiet_s),),
         proof=(nothing_owed, *(asked(*each) for each in questions)),
         owed_s=within_s,
+        who=nothing_owed,
     )

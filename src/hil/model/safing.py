@@ -43,6 +43,8 @@ class SafeBytes:
             a proof begins once the line has been silent for so long; 0 where no reply can be taken for another's.
         talks: whether the instrument talks unasked, so that its silence cannot be waited for; then `owed_s` counts from
             the last question.
+        who: asks who the instrument is; None where its protocol has no question for that. What is replied in the drill
+            is compared with what answers when a port of a network is reopened.
     """
 
     resync: tuple[Exchange, ...] = ()
@@ -50,6 +52,7 @@ class SafeBytes:
     proof: tuple[Exchange, ...]
     owed_s: float = 0.5
     talks: bool = False
+    who: Exchange | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -33,7 +33,13 @@ _OUTPUTS = st.builds(
     state=_NAMES,
     device=st.just("psu"),
     within_s=_SECONDS,
-    code=st.builds(SafeBytes, resync=_EXCHANGES, off=_EXCHANGES, proof=_EXCHANGES),
+    code=st.builds(
+        SafeBytes,
+        resync=_EXCHANGES,
+        off=_EXCHANGES,
+        proof=_EXCHANGES,
+        who=st.none() | st.just(Exchange(send=b"*IDN?\n", expect=rb"[^\n]+\n")),
+    ),
     cut_by=st.lists(_NAMES, max_size=2).map(tuple),
 )
 

@@ -51,6 +51,7 @@ class Dialogue:
         self._owes = True
         self._asked = self._heard_at = line.now()  # whatever was asked before
         self._mute = ""
+        self._reply = b""
 
     def begin(self, code: SafeBytes, patience: Patience) -> None:
         """Resynchronise with the instrument, whose state is unknown."""
@@ -80,6 +81,16 @@ class Dialogue:
                 self._mute = wrong
                 return wrong
         return ""
+
+    def told(self, question: Exchange) -> bytes:
+        """Ask a question and return its whole reply, empty if none came as expected."""
+        if self.make(question, Patience()):
+            return b""
+        came, pause_s = self._reply + self._heard, max(question.quiet_s, _LEAST_TO_WRITE_S)
+        while len(came) < _MOST_HEARD and (more := self.line.hear(self.line.now() + pause_s)):
+            came += more
+        self._heard = b""
+        return came
 
     def resync(self, exchanges: Iterable[Exchange], patience: Patience) -> None:
         """Resynchronise with the instrument, and forget what came.
@@ -159,6 +170,7 @@ class Dialogue:
         newest = found[-1]
         if between is not None and not _within(newest, between):
             return f"said {_shown(newest.group())}, which is not from {between[0]:g} to {between[1]:g}"
+        self._reply = newest.group()
         self._heard = self._heard[newest.end() :]
         return ""
 

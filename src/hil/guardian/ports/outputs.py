@@ -57,6 +57,8 @@ class Outputs:
         asked = [worker.off(code, Patience()), worker.prove(code)]
         off, proof = (self._patiently(future, code) for future in asked)
         ok = off.ok and proof.ok
+        if ok:
+            self._patiently(worker.recognise(code), code)
         said = "off and proven" if ok else f"off: {off.detail or 'taken'}; proof: {proof.detail or 'holds'}"
         return DrillResult(output=output.output, ok=ok, detail=said, seconds=time.monotonic() - began)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import time
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -13,7 +14,7 @@ from hil.guardian.ports.dialogue import Dialogue, Patience
 from hil.guardian.ports.identity import Identity, found, identity_of
 from hil.guardian.ports.line import Gone, Interrupted
 from hil.guardian.ports.opening import let_others_open, line_on, opened
-from hil.model.safing import GuardedPort, SafeBytes
+from hil.model.safing import Exchange, GuardedPort, SafeBytes
 
 __all__ = ["Outcome", "PortWorker"]
 
@@ -48,6 +49,7 @@ class PortWorker:
         self._interrupt = Event()
         self._why_gone = ""
         self._identity: Identity | None = None
+        self._who = b""
         self._talk: Dialogue | None = None
         self._asked: list[Future[Outcome]] = []
         self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix=port.device)
@@ -76,6 +78,15 @@ class PortWorker:
     def prove(self, code: SafeBytes) -> Future[Outcome]:
         """Ask whether the output is safe."""
         return self._ask(lambda: self._there().prove(code))
+
+    def recognise(self, code: SafeBytes) -> Future[Outcome]:
+        """Keep who the instrument says that it is, once it is proven safe, so that no other one is taken for it."""
+        return self._ask(lambda: self._recognise(code))
+
+    def _recognise(self, code: SafeBytes) -> str:
+        if code.who is not None and not self._who:
+            self._who = self._there().told(code.who)
+        return ""
 
     def _ask(self, job: Callable[[], str]) -> Future[Outcome]:
         try:
@@ -109,14 +120,34 @@ class PortWorker:
     def _begin(self, code: SafeBytes, patience: Patience, *, reopen: bool) -> str:
         if self._talk is None and reopen and self.port.url:
             try:
-                port = self.port
-                if self._identity is not None and "://" not in port.url:
-                    port = replace(port, url=found(self._identity, port.url))
-                self._talk = Dialogue(opened(port, self._interrupt))
+                self._talk = self._reopened(code)
             except (OSError, ValueError) as error:
                 self._why_gone = str(error)
         self._there().begin(code, patience)
         return ""
+
+    def _reopened(self, code: SafeBytes) -> Dialogue:
+        """Reopen the port, if the instrument that it led to is still there.
+
+        Raises:
+            OSError, ValueError, Gone: if that fails, or another one is there, which gets nothing but that question.
+        """
+        port = self.port
+        if self._identity is not None and "://" not in port.url:
+            port = replace(port, url=found(self._identity, port.url))
+        talk = Dialogue(opened(port, self._interrupt))
+        try:
+            if self._who and code.who is not None and "://" in port.url:
+                self._must_be_known(talk, code.who)
+        except BaseException:
+            talk.line.close()
+            raise
+        return talk
+
+    def _must_be_known(self, talk: Dialogue, who: Exchange) -> None:
+        said = talk.told(who) or talk.told(who)  # half a line makes nonsense of the first one
+        if said != self._who:
+            raise OSError(errno.ENODEV, f"{_stranger(said)} at {self.port.url}, which was {_shown(self._who)}")
 
     def _there(self) -> Dialogue:
         if self._talk is None:
@@ -133,3 +164,11 @@ class PortWorker:
 
     def _gone(self) -> str:
         return f"its port is gone: {self._why_gone}"
+
+
+def _stranger(said: bytes) -> str:
+    return f"another instrument answers, {_shown(said)}," if said else "nobody says who it is"
+
+
+def _shown(said: bytes) -> str:
+    return repr(said.strip().decode("ascii", "replace"))
