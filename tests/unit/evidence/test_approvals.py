@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import subprocess
+from base64 import b64encode
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -241,3 +242,62 @@ def test_only_a_package_that_the_ledger_has_is_signed(place, tmp_path):
             role="quality",
             meaning="a\nb",
         )
+
+
+@pytest.fixture
+def agent(tmp_path_factory, monkeypatch):
+    """Start an agent of the test's own, and end it."""
+    socket = tmp_path_factory.mktemp("s") / "a"
+    process = subprocess.Popen(["ssh-agent", "-D", "-a", socket], stdout=subprocess.DEVNULL)
+    try:
+        while not socket.exists():
+            assert process.poll() is None
+            process.poll()
+        monkeypatch.setenv("SSH_AUTH_SOCK", str(socket))
+        yield
+    finally:
+        process.terminate()
+        process.wait()
+
+
+@pytest.mark.system
+def test_a_key_in_the_agent_signs_by_its_public_half(place, agent, capfd):
+    """The private key is nowhere on the disk; when the agent has it no longer, nothing is signed or entered."""
+    subprocess.run(["ssh-add", "-q", place.key("bo")], check=True)
+    place.key("bo").unlink()
+    place.approve("bo", "bo.pub")
+    assert place.problems() == [""]
+    subprocess.run(["ssh-add", "-q", "-D"], check=True)
+    before = read(place.reports).head
+    capfd.readouterr()
+    with pytest.raises(Refused, match=r"bo\.pub: ssh-keygen signed nothing") as refused:
+        place.approve("bo", "bo.pub")
+    assert "ssh-add -l lists the agent's keys" in str(refused.value)
+    assert "bo" in capfd.readouterr().err
+    assert read(place.reports).head == before
+
+
+def hardware_key(path: Path) -> str:
+    """Write the public half of a key on a token that is not here, and return its line."""
+    parts = (b"sk-ssh-ed25519@openssh.com", bytes.fromhex("58" + 31 * "66"), b"ssh:")
+    blob = b"".join(len(part).to_bytes(4) + part for part in parts)
+    line = f"sk-ssh-ed25519@openssh.com {b64encode(blob).decode()} bo's token"
+    path.write_text(line + "\n")
+    return line
+
+
+def test_keys_on_tokens_are_allowed_beside_others(place, monkeypatch, capfd):
+    """The file with a hardware key is read: others count as before, and a signature by another key of Bo does not."""
+    monkeypatch.delenv("SSH_AUTH_SOCK", raising=False)
+    token = place.key("token.pub")
+    line = hardware_key(token)
+    place.allow('ada@x namespaces="hil-package"')
+    allowed = place.fixtures / "allowed_signers"
+    allowed.write_text(f'{allowed.read_text()}bo@x namespaces="hil-approval" {line}\n')
+    sign_package(place.reports, place.subject, place.signers, principal="ada@x", key=place.key("ada"))
+    forged(place, key="bo")
+    assert place.problems() == ["", "fixtures/allowed_signers has no key of bo@x that made it, for hil-approval"]
+    capfd.readouterr()
+    with pytest.raises(Refused, match=r"token\.pub: ssh-keygen signed nothing; its message stands above"):
+        place.approve("bo", "token.pub")
+    assert capfd.readouterr().err
