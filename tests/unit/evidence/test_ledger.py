@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
@@ -11,7 +12,17 @@ from msgspec.structs import replace
 from sweeps import sample
 
 from hil.documents.canonical import canonical
-from hil.evidence.ledger.book import append, append_once, check, head, ledger_file, put_object, read, read_object
+from hil.evidence.ledger.book import (
+    append,
+    append_all,
+    append_once,
+    check,
+    head,
+    ledger_file,
+    put_object,
+    read,
+    read_object,
+)
 from hil.evidence.ledger.entries import (
     KINDS,
     Acknowledged,
@@ -246,3 +257,29 @@ def test_a_replay_is_not_entered_in_a_damaged_ledger(reports):
     with pytest.raises(EvidenceError, match=r"ledger.jsonl:2:1: the line was changed"):
         enter_replay(reports, AGAIN)
     assert lines(reports) == damaged
+
+
+@pytest.mark.parametrize("torn", [b"", b'{"kind":"head"'])
+def test_to_append_only_the_end_is_read(tmp_path, monkeypatch, torn):
+    """However long the ledger is, and also where its last line is longer than what is read at once."""
+    append_all(tmp_path, [HEAD] * 400)
+    append(tmp_path, Status(requirement="X-1", status="open", reasons=(Reason(code="A", text="x" * 40_000),)))
+    with ledger_file(tmp_path).open("ab") as stream:
+        stream.write(torn)
+    whole, found, real = ledger_file(tmp_path).stat().st_size, [], os.pread
+    assert whole > 150_000
+    monkeypatch.setattr(os, "pread", lambda *asked: (found.append(asked[1]), real(*asked))[1])
+    append(tmp_path, HEAD)
+    assert sum(found) < 70_000
+    append(tmp_path, HEAD)
+    assert [str(each) for each in check(tmp_path)] == []
+    assert read(tmp_path).entries[-1].seq == 403 + bool(torn)
+
+
+def test_damage_before_the_end_is_found_by_who_reads_though_entries_follow(reports):
+    """The end is whole, so that an entry is appended; the damaged line is still told."""
+    good = lines(reports)
+    put(reports, [good[0], good[1].replace(b"RUNNING", b"SAFED  "), *good[2:]])
+    append(reports, HEAD)
+    assert "the line was changed" in messages(reports)[0][1]
+    assert {line for line, _ in messages(reports)} == {2, 3}

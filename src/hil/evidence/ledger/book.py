@@ -47,6 +47,7 @@ LEDGER = ".ledger"
 _LINES = "ledger.jsonl"
 _OBJECTS = "objects"
 _ACKNOWLEDGEMENTS = "acknowledgements"
+_BLOCK = 16_384
 _HASH = re.compile(r"[0-9a-f]{64}")
 _TORN = "the last line is incomplete: its writer was ended; the next entry cuts it off, keeps it and notes it"
 _MEND = "restore the ledger from a copy whose head was published"
@@ -289,10 +290,10 @@ def _locked(path: Path) -> Iterator[int]:
 def _write(reports: Path, descriptor: int, *entries: Entry) -> list[Entry]:
     """Append entries after the last whole line, and before them what must be said first; return them in place."""
     size = os.fstat(descriptor).st_size
-    lines, torn = _lines(os.pread(descriptor, size, 0))
-    seq, prev = _end_of(reports, lines)
+    last, torn = _tail(descriptor, size)
+    seq, prev = _end_of(reports, last)
     utc = wall.utc_now()
-    first: list[Entry] = [] if lines else [Opened(format=FORMAT)]
+    first: list[Entry] = [] if last else [Opened(format=FORMAT)]
     if torn:
         first.append(Repaired(bytes=len(torn), object=put_object(reports, torn)))
         os.ftruncate(descriptor, size - len(torn))
@@ -304,7 +305,7 @@ def _write(reports: Path, descriptor: int, *entries: Entry) -> list[Entry]:
         prev = line_hash(new[-1])
         written.append(placed)
     _put(descriptor, b"".join(new))
-    if not lines:
+    if not last:
         sync_folder(ledger_file(reports).parent)
         sync_folder(reports)
     return written[len(first) :]
@@ -324,17 +325,30 @@ def _put(descriptor: int, data: bytes) -> None:
         raise
 
 
-def _end_of(reports: Path, lines: list[bytes]) -> tuple[int, str]:
+def _tail(descriptor: int, size: int) -> tuple[bytes, bytes]:
+    """Return the last whole line, empty without one, and what follows it; nothing before them is read.
+
+    A line holds its own number and the hash of the one before it. Damage before is found by those who read the ledger.
+    """
+    data, start = b"", size
+    while start and data.count(b"\n") < 2:
+        step = min(_BLOCK, start)
+        start -= step
+        data = os.pread(descriptor, step, start) + data
+    lines, torn = _lines(data)
+    return lines[-1] if lines else b"", torn
+
+
+def _end_of(reports: Path, last: bytes) -> tuple[int, str]:
     """Return number and hash of the last line; -1 and zeros without one."""
-    if not lines:
+    if not last:
         return -1, ZERO
     try:
-        decode(lines[-1])
+        entry = decode(last)
     except JsonError as error:
-        raise EvidenceError(
-            f"{ledger_file(reports)}:{len(lines)}: nothing can be appended: {error.bare}", _MEND
-        ) from error
-    return len(lines) - 1, line_hash(lines[-1])
+        number = _bytes(reports).count(b"\n")
+        raise EvidenceError(f"{ledger_file(reports)}:{number}: nothing can be appended: {error.bare}", _MEND) from error
+    return entry.seq, line_hash(last)
 
 
 def _older(place: Path) -> Iterator[Acknowledged]:
