@@ -291,7 +291,7 @@ def _against(
         if _doubtful(claim) and claim.package.problem:
             yield Reason(code=Code.INTEGRITY, text=claim.package.problem, package=claim.package.folder)
     if book.damage:
-        text = f"the ledger is damaged, so that nobody can tell which packages are missing: {book.damage}"
+        text = f"nobody can tell from the ledger which packages are missing: {book.damage}"
         yield Reason(code=Code.INTEGRITY, text=text)
     for each in book.missing:
         yield Reason(code=Code.MISSING_PACKAGE, text=each.text, package=each.run)

@@ -56,6 +56,7 @@ class Folders:
         fixtures: its registers.
         reports: its packages.
         name: its name.
+        ledger: SHA-256 of the first line that its ledger must have; empty where any ledger will do.
     """
 
     root: Path
@@ -63,6 +64,7 @@ class Folders:
     fixtures: Path
     reports: Path
     name: str
+    ledger: str = ""
 
 
 def read_world(
@@ -97,12 +99,22 @@ def read_world(
         remembered=known,
         entries=ledger.entries,
         head=ledger.head if ledger.hashes else "",
-        problems=(*map(str, (*ledger.findings, *ledger.lacks(published_head))), *forgotten),
+        problems=(*map(str, (*ledger.findings, *ledger.lacks(published_head))), *forgotten, *_other(ledger, folders)),
         analysis=judging_digest(),
         date=date,
         name=folders.name,
         version=version,
     )
+
+
+def _other(ledger: Ledger, folders: Folders) -> Iterator[str]:
+    """Say that the ledger is not the one that the settings of the workspace name."""
+    if folders.ledger and ledger.hashes[:1] != (folders.ledger,):
+        there = f"begins with {ledger.hashes[0]}" if ledger.hashes else "is not there"
+        yield (
+            f"the ledger of {shown(folders.reports, folders.root)} {there}, and the settings of the workspace name"
+            f" the one that begins with {folders.ledger}: this is another folder of reports, or a new ledger"
+        )
 
 
 def _remembered(ledger: Ledger) -> tuple[tuple[Remembered, ...], tuple[str, ...]]:

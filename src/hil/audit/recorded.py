@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import takewhile
 from pathlib import Path
 from typing import Generic, TypeVar
 
@@ -153,8 +154,9 @@ def _status(row: Row) -> Status:
 def past(world: World, reports: Path, day: str) -> World:
     """Return what an audit at the end of a day of UTC was computed from.
 
-    It takes the entries up to then, the packages that were sealed by then, and the catalogue and registers that were
-    entered last by then.
+    It takes the entries before the first one of a later day, the packages that were sealed by then, and the catalogue
+    and registers that were entered last by then. Where an entry follows one of a later day, a clock was set back, or
+    had been ahead: nobody knows which, and that is a problem.
 
     Args:
         world: as it is now.
@@ -165,7 +167,8 @@ def past(world: World, reports: Path, day: str) -> World:
         Refused: where nothing was entered by then.
         EvidenceError: if an object of the ledger is missing or was changed.
     """
-    entries = tuple(each for each in world.entries if each.utc[:10] <= day)
+    entries = tuple(takewhile(lambda each: each.utc[:10] <= day, world.entries))
+    back = [each for each in world.entries[len(entries) :] if each.utc[:10] <= day]
     sealed = {each.evidence for each in entries if isinstance(each, Sealed)}
     duts = baseline(reports, entries, UNITS, Dut)
     instruments = baseline(reports, entries, INSTRUMENTS, RegisteredInstrument)
@@ -190,6 +193,7 @@ def past(world: World, reports: Path, day: str) -> World:
         cases=None,
         register=register,
         remembered=remembered(reports, entries),
+        problems=(*world.problems, *map(_set_back, back[:1])),
         entries=entries,
         policy=world.policy.until(day),
         filed=_filed(world.filed, reports, entries, day),
@@ -226,6 +230,11 @@ def reports_ever(reports: Path, entries: Sequence[Entry]) -> tuple[Nonconformanc
         if isinstance(each, Approved) and each.run.startswith("NCR-")
     ]
     return tuple(dict.fromkeys(found))
+
+
+def _set_back(entry: Entry) -> str:
+    text = "follows one of a later day: a clock was wrong, and nobody knows what of it was there by then"
+    return f"line {entry.seq + 1} of the ledger, of {entry.utc}, {text}"
 
 
 def _head(entries: Sequence[Entry], world: World) -> str:

@@ -9,7 +9,7 @@ from workspaces import make
 
 from hil.cli.main import main
 from hil.evidence.ledger.book import append, ledger_file, read
-from hil.evidence.ledger.entries import Baseline, Sealed, Status
+from hil.evidence.ledger.entries import Baseline, Explained, Sealed, Status
 
 CASE = """
 @pytest.mark.requirement("T-010")
@@ -126,3 +126,36 @@ def test_files_are_written_where_they_are_wanted(capsys, workspace):
         assert audit(capsys, "--format", form)[1].encode() == (output / f"audit.{form}").read_bytes()
     alone = (output / "audit.json").read_text(encoding="utf-8")
     assert [each["id"] for each in json.loads(alone)["rows"]] == [f"T-0{n}0" for n in (1, 2, 3, 4, 5, 7)]
+
+
+def test_the_settings_name_the_ledger_that_counts(capsys, workspace):
+    """With another folder of reports there is a new ledger, or none: that is damage, and every requirement is open."""
+    append(workspace.reports, Baseline(subject="analysis", object="a" * 64))
+    settings, text = workspace.root / "hil.toml", (workspace.root / "hil.toml").read_text()
+    named = f'ledger = "{read(workspace.reports).hashes[0]}"\n'
+    settings.write_text(named + text)
+    assert audit(capsys)[0] == 0
+    settings.write_text(f'{named}reports = "elsewhere"\n{text}')
+    code, out, _ = audit(capsys)
+    assert code == 2
+    assert "the ledger of elsewhere is not there, and the settings of the workspace name the one that begins" in out
+    append(workspace.root / "elsewhere", Baseline(subject="analysis", object="a" * 64))
+    assert "this is another folder of reports, or a new ledger" in audit(capsys)[1]
+
+
+def test_what_is_gone_is_explained_by_name_and_with_a_reason(capsys, workspace):
+    """`--record` alone tells it and changes nothing; options that make no sense together are refused."""
+    assert audit(capsys, "--record")[0] == 0
+    duts = workspace.root / "fixtures/duts.yaml"
+    before = "schema: hil/duts/1\nduts:\n- {serial: FM-1, part: ADCS-2, model: FM, hardware: C, firmware: ''}\n"
+    repair = '[{kind: repair, date: "2026-11-01", text: J3, reference: N-1, reverify: true}]'
+    duts.write_text(before.replace("''}", f"'', events: {repair}}}"))
+    assert audit(capsys, "--record")[0] == 0
+    duts.write_text(before)
+    assert "repair on 2026-11-01: it was taken out or changed, and nobody has said why" in audit(capsys, "--record")[1]
+    assert audit(capsys, "--because", "a mistake", "--by", "Ada")[0] == 4
+    assert audit(capsys, "--record", "--because", "a mistake")[0] == 4
+    code, out, err = audit(capsys, "--record", "--because", "a mistake", "--by", "Ada")
+    assert (code, "nobody has said why" in out) == (0, False)
+    assert "repair on 2026-11-01" in err
+    assert [(each.by, each.text) for each in read(workspace.reports).of(Explained)] == [("Ada", "a mistake")]

@@ -81,3 +81,18 @@ def test_no_cell_of_the_csv_is_a_formula():
 
     asked = msgspec.structs.replace(ASKED, text='=HYPERLINK("http://x")')
     assert b"'=HYPERLINK" in as_csv(audit(replace(closed_world(), asked=(asked,))))
+
+
+def test_a_clock_that_was_set_back_puts_nothing_into_the_past(tmp_path):
+    """What was written after an entry of a later day is left out, and the state of the days between is not sure."""
+    world = recorded(tmp_path, closed_world())
+    first = world.entries[-1]
+    day = first.utc[:10]
+    later = msgspec.structs.replace(first, seq=first.seq + 1, utc="2999-01-01T00:00:00Z", prev=world.head)
+    back = msgspec.structs.replace(first, seq=first.seq + 2)
+    ahead = past(replace(world, entries=(*world.entries, later)), tmp_path, day)
+    assert (audit(ahead).rows, ahead.head) == (audit(world).rows, world.head)
+    found = past(replace(world, entries=(*world.entries, later, back)), tmp_path, day)
+    assert found.entries == world.entries
+    assert [each.split(", of ")[0] for each in found.problems] == [f"line {back.seq + 1} of the ledger"]
+    assert {each.close_out for each in audit(found).rows} == {"open"}

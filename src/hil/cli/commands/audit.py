@@ -153,7 +153,12 @@ def workspace_folders() -> Folders:
 
     found = find_workspace(Path.cwd())
     return Folders(
-        root=found.root, testplans=found.testplans, fixtures=found.fixtures, reports=found.reports, name=found.name
+        root=found.root,
+        testplans=found.testplans,
+        fixtures=found.fixtures,
+        reports=found.reports,
+        name=found.name,
+        ledger=found.ledger,
     )
 
 

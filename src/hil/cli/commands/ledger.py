@@ -103,5 +103,6 @@ def _counted(ledger: Ledger, head: str | None, wrong: bool) -> tuple[tuple[str, 
         ("signatures", f"{len(ledger.of(Signed))}, and {len(ledger.of(Approved))} approvals"),
         ("not here", ", ".join(gone)),
         ("published head", contained if head else ""),
+        ("first line", ledger.hashes[0] if ledger.hashes else ""),
         ("head", "on the next line"),
     )

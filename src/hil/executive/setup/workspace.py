@@ -14,7 +14,7 @@ from hil.documents.node import Place
 from hil.documents.suggest import did_you_mean
 from hil.documents.text import decoded, hidden_character, read_bytes
 from hil.model.errors import Refused
-from hil.model.notation import Complaint, Notation
+from hil.model.notation import Complaint, Notation, matching
 from hil.model.notation import Path as Keys
 
 __all__ = ["Workspace", "find_workspace"]
@@ -45,6 +45,7 @@ def _command(value: object) -> tuple[str, ...]:
 
 _FileName = Annotated[str, Notation(_file_name, "")]
 _Command = Annotated[tuple[str, ...], Notation(_command, ())]
+_Line = Annotated[str, matching("[0-9a-f]{64}", "a SHA-256: 64 digits of 0-9 and a-f, as hil ledger prints it")]
 
 
 _NAMES = frozenset({"name", "testplans", "fixtures", "reports"})
@@ -66,6 +67,7 @@ class _Settings:
     testplans: _FileName = "testplans"
     fixtures: _FileName = "fixtures"
     reports: _FileName = "reports"
+    ledger: _Line = ""
     notify: _Command = ()
     hardware: _Hardware = field(default_factory=_Hardware)
 
@@ -80,6 +82,7 @@ class Workspace:
         testplans: holds a folder per plan.
         fixtures: holds fixture modules and benches.
         reports: where packages go.
+        ledger: SHA-256 of the first line of the ledger there; empty where any ledger will do.
         notify: notifies people of what happens to runs; program and arguments.
         inhibitor: holds off sleep and shutdown in the place of logind; program and arguments.
     """
@@ -89,6 +92,7 @@ class Workspace:
     testplans: Path
     fixtures: Path
     reports: Path
+    ledger: str = ""
     notify: tuple[str, ...] = ()
     inhibitor: tuple[str, ...] = ()
 
@@ -226,7 +230,7 @@ def _workspace(root: Path, settings: dict[str, Any], file: _Toml, table: Keys, f
     if outside:
         findings.raise_if_any()  # no file in it could be shown by its path in the workspace
     name, inhibitor = found.name or root.name, found.hardware.inhibitor
-    return Workspace(root=root, name=name, notify=found.notify, inhibitor=inhibitor, **folders)
+    return Workspace(root=root, name=name, ledger=found.ledger, notify=found.notify, inhibitor=inhibitor, **folders)
 
 
 def _declared(settings: dict[str, Any], file: _Toml, table: Keys) -> _Settings:
