@@ -152,7 +152,7 @@ def test_plain_pytest_refuses_wrong_files_and_names(tmp_path, pytest_here):
     assert workspace.folders() == []
 
 
-def test_an_unrelated_pytest_run_is_untouched(tmp_path):
+def test_an_unrelated_pytest_run_is_untouched(tmp_path, pytest_here):
     """Without a bench the plugin adds options and nothing else: no fixture, no marker, no import."""
     (tmp_path / "test_other.py").write_text(
         "import sys\n\n"
@@ -168,7 +168,7 @@ def test_an_unrelated_pytest_run_is_untouched(tmp_path):
     )
     ended = pytest_in(tmp_path, "-c", os.devnull, "--rootdir", str(tmp_path), "test_other.py")
     assert ended.code == 0, ended.out
-    assert "--bench" in pytest_in(tmp_path, "-c", os.devnull, "--help").out
+    assert "--bench" in pytest_here(tmp_path, "-c", os.devnull, "--help").out
 
 
 def test_plain_pytest_tells_what_cannot_be_collected(tmp_path, pytest_here):

@@ -122,9 +122,11 @@ def test_one_more_monitor_moves_no_row(ran, tmp_path):
 
 
 def test_the_procedure_tells_of_it(ran):
-    """`hil plan` lists the recordings where they begin."""
+    """`hil plan` lists the recordings where they begin, and keeps no package."""
     workspace, _ = ran
+    before = workspace.folders()
     text = "\n".join(procedure(workspace.request()))
+    assert workspace.folders() == before
     assert "records  board: x [deg/s], y [deg/s], z [deg/s], temperature [degC], 100 Hz" in text
     assert "records  field: " in text
 

@@ -233,6 +233,7 @@ SAME = "1 case with 1 check replayed from their bytes: no difference"
 SMALL = ("small", "--bench", "adcs", "--dut", "SIM-ADCS-1")
 
 
+@pytest.mark.system
 def test_plan_prints_the_procedure(ran):
     """Steps and what they do are printed, and no package is kept."""
     workspace, name = ran
