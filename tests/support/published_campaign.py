@@ -1,14 +1,16 @@
 """A campaign that was published as a report, put in as packages: what is known of it, and no more.
 
-The figures are those of the published characterisation of a PocketQube's battery and magnetorquers: cycles between
-4.2 V and 2.7 V in June 2023 (table 1), 844 hours of degradation (sections 9, 14 to 19), and a polarity check without
-results (section 26). It names no serial number, no calibration, no commit and no bench that could be read.
+The figures are those of the published characterisation of a PocketQube's battery, photodiodes, magnetorquers and
+gyroscope: cycles between 4.2 V and 2.7 V in June 2023 (table 1), 844 hours of degradation (sections 9, 14 to 19), a
+calibration of photodiodes whose results are those of a simulation (section 23), a polarity check without results
+(section 26), and slopes of the gyroscope's axes at 25 degC (section 29). It names no serial number, no calibration, no
+commit and no bench that could be read; photodiodes and gyroscope have no requirements at all.
 """
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,6 +18,7 @@ from evidence_runs import stamps, write_report
 from typed_events import event_of
 
 from hil.documents.canonical import canonical
+from hil.evidence.events.event import NOTHING
 from hil.evidence.folder import DUT, JOURNAL, PARAMETERS, RESERVE, TRANSCRIPT
 from hil.evidence.journal.writer import Journal
 from hil.evidence.package.bag import inventory
@@ -60,7 +63,15 @@ PLANS = {
             "outward",
         )
     },
+    "photodiode": {
+        "PQ-PHD-001": ("The sensitivity over temperature is recorded.", "characterise", _ANY, "sensitivity", '"1"'),
+    },
+    "gyroscope": {
+        "PQ-GYR-001": ("The slope of the x axis at 25 degC is recorded.", "characterise", _ANY, "slope_x", '"1"'),
+        "PQ-GYR-002": ("The bias over temperature is recorded.", "characterise", _ANY, "bias_x", "deg/s"),
+    },
 }
+_PARTS = {"magnetorquer": "outer board", "photodiode": "outer board", "gyroscope": "ADCS board"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,6 +83,7 @@ class Said:
     ran: tuple[tuple[str, str, float | None], ...]
     not_run: tuple[tuple[str, str], ...] = ()
     deviations: tuple[str, ...] = ()
+    source: str = "hardware"
 
 
 CAMPAIGNS = (
@@ -88,6 +100,13 @@ CAMPAIGNS = (
         deviations=("the discharges ran at 10 degC instead of the lowest 2 degC",),
     ),
     Said(plan="magnetorquer", day="2023-08-02", ran=(("polarity", "PQ-MTQ-001", None),)),
+    Said(plan="photodiode", day="2023-08-03", ran=(("temperature", "PQ-PHD-001", None),), source="simulated"),
+    Said(
+        plan="gyroscope",
+        day="2023-08-04",
+        ran=(("sensitivity", "PQ-GYR-001", 1.073), ("bias", "PQ-GYR-002", None)),
+        deviations=("the temperature sensor may have been damaged when the chip was soldered",),
+    ),
 )
 
 
@@ -105,8 +124,14 @@ def as_published(root: Path, *, judged: bool) -> Sequence[Path]:
     ]
 
 
-def put_in(root: Path) -> None:
-    """Write the campaign as a workspace: catalogues with ids of their own, and a sealed package per campaign."""
+def put_in(root: Path, *, bench: Mapping[str, bytes] = NOTHING, silent: Container[str] = ()) -> None:
+    """Write the campaign as a workspace: catalogues with ids of their own, and a sealed package per campaign.
+
+    Args:
+        root: the workspace.
+        bench: bench files that are put into the packages of some plans, where none belongs.
+        silent: plans whose packages do not say that they were recorded elsewhere.
+    """
     plans = [
         _plan(
             root,
@@ -120,7 +145,10 @@ def put_in(root: Path) -> None:
     ]
     catalogue = load_catalogue(root, plans, locked=False)
     for each, plan in zip(CAMPAIGNS, plans, strict=True):
-        _package(root / "reports" / f"{each.day}-{each.plan}", each, plan, catalogue.of_plan(each.plan))
+        said = {} if each.plan in silent else {"recorded_elsewhere": "the published report of the campaign"}
+        files = {"data/bench/bench.yaml": bench[each.plan]} if each.plan in bench else {}
+        folder = root / "reports" / f"{each.day}-{each.plan}"
+        _package(folder, each, plan, catalogue.of_plan(each.plan), more=files, said_of_itself=said)
 
 
 def _plan(root: Path, plan: str, entries: str) -> Path:
@@ -131,12 +159,12 @@ def _plan(root: Path, plan: str, entries: str) -> Path:
     return folder
 
 
-def _package(folder: Path, said: Said, plan: Path, requirements) -> str:
+def _package(folder: Path, said: Said, plan: Path, requirements, *, more, said_of_itself) -> str:
     """Write a run as far as the report tells, and seal it."""
     known = {item.id: item for item in requirements}
     shown = f"testplans/{said.plan}/requirements.yaml"
     text = (plan / "requirements.yaml").read_bytes()
-    dut = {"serial": "", "part": "battery" if said.plan != "magnetorquer" else "outer board", "model": "QM",
+    dut = {"serial": "", "part": _PARTS.get(said.plan, "battery"), "model": "QM",
            "hardware": "", "firmware": "", "title": ""}  # fmt: skip
     (folder / "data/recordings").mkdir(parents=True)
     hashes = {
@@ -149,6 +177,7 @@ def _package(folder: Path, said: Said, plan: Path, requirements) -> str:
         DUT: canonical({**dut, "format": 1}),
         _PLACE: b'{"format":1,"host":"","workspace":{"fixtures":"fixtures","testplans":"testplans"}}',
         _SOFTWARE: b'{"format":1}',
+        **more,
     }.items():
         (folder / path).parent.mkdir(parents=True, exist_ok=True)
         (folder / path).write_bytes(data)
@@ -157,11 +186,13 @@ def _package(folder: Path, said: Said, plan: Path, requirements) -> str:
     (folder / TRANSCRIPT).write_bytes(b"hil/transcript/1\n")
     hashes["parameters"] = hashlib.sha256((folder / PARAMETERS).read_bytes()).hexdigest()
     hashes["sources"] = _over(f"{hashlib.sha256(text).hexdigest()}  {shown}\n")
-    hashes["bench_files"] = _over("")
+    hashes["bench_files"] = _over(
+        "".join(f"{hashlib.sha256(data).hexdigest()}  {Path(path).name}\n" for path, data in more.items())
+    )
     journal = Journal(folder / JOURNAL, reserve=folder / RESERVE, stamp=stamps(said.day))
-    run = {"format": 1, "bench": "as published", "source": "hardware", "purpose": "qualification", "dut": dut,
+    run = {"format": 1, "bench": "as published", "source": said.source, "purpose": "qualification", "dut": dut,
            "operator": "", "plans": [said.plan], "seed": "", "version": "", "overrides": {}, "skips": {},
-           "deviations": list(said.deviations), "live": {"speed": 1.0, "served": False}}  # fmt: skip
+           "deviations": list(said.deviations), "live": {"speed": 1.0, "served": False}, **said_of_itself}  # fmt: skip
     journal.write(event_of("run", **run, **hashes), 0.0)
     journal.write(event_of("frozen", files=files), 0.0, beside={"files": beside})
     cases = [(case, name) for case, name, _ in said.ran] + list(said.not_run)

@@ -8,6 +8,7 @@ from published_campaign import as_published, put_in
 from hil.audit.cache import Cache
 from hil.audit.engine import audit
 from hil.audit.reading import Folders, read_world
+from hil.evidence.package.verification import verify
 from hil.model.errors import ConfigurationError
 from hil.requirements.catalogue import load_catalogue
 
@@ -45,11 +46,25 @@ def test_nothing_is_closed(document):
     assert document.summary.on_hardware == ()
 
 
-def test_a_package_without_a_unit_and_a_bench_file_is_not_whole(document):
-    """No package can leave out which unit and which bench it is of: that stays a finding, and is told for each."""
-    assert len(document.problems) == 3
-    assert all("it has no entry ''" in each for each in document.problems)
-    assert all("INTEGRITY" in {reason.code for reason in row.reasons} for row in document.rows)
+def test_packages_say_that_there_was_no_bench_file_and_are_whole(document):
+    """They verify, and that they were recorded elsewhere is a reason on its own for each of their requirements."""
+    assert document.problems == ()
+    told = "it was recorded elsewhere, without a bench file: the published report of the campaign"
+    assert all(("NOT_ELIGIBLE", told) in {(str(each.code), each.text) for each in row.reasons} for row in document.rows)
+    assert not any("INTEGRITY" in {reason.code for reason in row.reasons} for row in document.rows)
+
+
+def test_a_package_that_was_recorded_elsewhere_has_no_bench_file(tmp_path):
+    """One that has a bench file, or lacks it without saying so, is damaged."""
+    put_in(tmp_path, bench={"charge": b"schema: hil/bench/1\n"}, silent={"gyroscope"})
+    found = {path.name[11:]: verify(path) for path in (tmp_path / "reports").glob("2*")}
+    (wrong,) = [str(each) for each in found["charge"].findings]
+    assert wrong.startswith("data/bench/bench.yaml: the journal says that the run was recorded elsewhere, without a")
+    assert [str(each) for each in found["gyroscope"].findings] == [
+        "data/bench/duts.yaml: it has no entry '', which the run was for",
+        "data/bench/calibration.json: cannot be checked: data/bench/bench.yaml: the file is missing",
+    ]
+    assert found["degradation"].ok
 
 
 @pytest.mark.parametrize(
@@ -64,12 +79,22 @@ def test_a_package_without_a_unit_and_a_bench_file_is_not_whole(document):
         ("PQ-CHG-001", "NOT_ELIGIBLE", "no operator is named"),
         ("PQ-CHG-001", "NOT_ELIGIBLE", "the bench has no envelope"),
         ("PQ-CHG-001", "NOT_ELIGIBLE", "the number was taken from a printed report"),
+        ("PQ-PHD-001", "SIM_ONLY", "the run's source is simulated"),
+        ("PQ-PHD-001", "NO_VERDICT", "its verdict is NOT_EVALUATED"),
+        ("PQ-GYR-001", "WRONG_DUT", "the register has no unit without serial number"),
+        ("PQ-GYR-002", "NO_VERDICT", "its verdict is NOT_EVALUATED"),
     ],
 )
 def test_the_audit_lists_what_is_open_and_why(document, requirement, code, text):
     """4.3 V at a limit of 4.2 V without a nonconformance, cases that did not run, no serial number, and more."""
     row = next(each for each in document.rows if each.id == requirement)
     assert (code, text) in {(str(each.code), each.text) for each in row.reasons}
+
+
+def test_no_nonconformance_was_reported_for_what_failed(document):
+    """4.3 V at a limit of 4.2 V: there is neither a report nor a waiver, and the row says nothing of one."""
+    row = next(each for each in document.rows if each.id == "PQ-DEG-003")
+    assert (row.records, row.waiver, document.inputs.records) == ((), "", "")
 
 
 def test_a_fail_that_nobody_signed_for_is_no_compliance(document):

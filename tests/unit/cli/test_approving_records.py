@@ -11,7 +11,10 @@ from workspaces import make
 
 from hil.cli.main import main
 
-pytestmark = pytest.mark.skipif(shutil.which("ssh-keygen") is None, reason="ssh-keygen is not installed")
+pytestmark = [
+    pytest.mark.system,
+    pytest.mark.skipif(shutil.which("ssh-keygen") is None, reason="ssh-keygen is not installed"),
+]
 
 SIGNERS = """schema: hil/signers/1
 signers:

@@ -91,6 +91,8 @@ class Run(Event, frozen=True, kw_only=True):
         live: the bench outside the process of the run, if it is one.
         unattended: whether nobody attends the run.
         on_call: who is on call for an unattended run.
+        recorded_elsewhere: what was put in as a package, if hil did not make the run: there was no bench file, and
+            there need not be a register.
     """
 
     format: int
@@ -114,6 +116,7 @@ class Run(Event, frozen=True, kw_only=True):
     live: Live | None = None
     unattended: bool = False
     on_call: str | None = None
+    recorded_elsewhere: str = ""
 
     synced: ClassVar[bool] = True
 

@@ -108,6 +108,8 @@ def _dut(sources: Sources, run: Run) -> Iterator[Finding]:
     for field, value in _as_json(run.dut).items():
         if frozen.get(field) != value:
             yield _differs(_DUT, field, frozen.get(field), "the journal", value)
+    if run.recorded_elsewhere and not (sources.folder / _DUTS).exists():
+        return
     register = {dut.serial: dut for dut in load_duts(sources.folder / _DUTS, _DUTS, Findings())}
     if (entry := register.get(run.dut.serial)) is None:
         yield Finding(_DUTS, 0, 0, f"it has no entry '{shown(run.dut.serial)}', which the run was for")
@@ -120,6 +122,11 @@ def _dut(sources: Sources, run: Run) -> Iterator[Finding]:
 
 def _calibration(sources: Sources, run: Run) -> Iterator[Finding]:
     """Compare every instrument's certificate and due date with the bench file, or the register that it names."""
+    if run.recorded_elsewhere:
+        if (there := (sources.folder / _BENCH).exists()) or sources.facts.calibration:
+            told = "the journal says that the run was recorded elsewhere, without a bench file: no instrument is known"
+            yield Finding(_BENCH if there else CALIBRATION, 0, 0, told)
+        return
     root = _tree(sources.folder, _BENCH)
     if (name := _scalar(root, "bench", "name")) != run.bench:
         yield _differs(_BENCH, "bench.name", name, "the journal", run.bench)

@@ -40,6 +40,7 @@ def of_run(state: RunState, facts: Facts) -> tuple[Condition, ...]:
     """
     return (
         *_source(state, facts),
+        *_recorded_elsewhere(state),
         *_purpose(state),
         *_software(facts),
         *_course(state),
@@ -154,6 +155,13 @@ def _source(state: RunState, facts: Facts) -> Iterator[Condition]:
         return
     yield from _each("source", (f"{told}, but {each}" for each in against_hardware(state, facts)), told)
     yield from (_condition(EXCEPTION, True, f"EXCEPTION: {each}") for each in state.exceptions)
+
+
+def _recorded_elsewhere(state: RunState) -> Iterator[Condition]:
+    """What was put in as a package proves nothing of the bench, and closes nothing."""
+    if state.run and state.run.recorded_elsewhere:
+        told = f"it was recorded elsewhere, without a bench file: {state.run.recorded_elsewhere}"
+        yield _condition("bench", False, told)
 
 
 def _purpose(state: RunState) -> Iterator[Condition]:
