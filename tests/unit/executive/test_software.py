@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import base64
+import hashlib
 import json
 import shutil
 import subprocess
 import sys
+from importlib import metadata
 from types import SimpleNamespace
 
 import pytest
+from workspaces import ROOT
 
 import hil
 from hil.executive.resuming.earlier import Earlier
@@ -109,6 +113,96 @@ def test_a_package_that_is_only_installed_in_a_checkout_has_no_commit(checkout, 
     run = begun(checkout, tmp_path)
     git(checkout, "commit", "--allow-empty", "-m", "Go on")
     assert deviation_of(*run, "") == ""
+
+
+@pytest.fixture
+def installed(tmp_path, monkeypatch):
+    """Return a package that was installed from a wheel, with the RECORD of its files and the commit of its source."""
+    package = tmp_path / "site-packages/hil"
+    (package / "model").mkdir(parents=True)
+    (package / "__init__.py").write_text('"""Product."""\n')
+    (package / "model/figure.py").write_text("x = 1\n")
+    (package / "built.json").write_text('{"changed": false, "commit": "abc"}\n')
+    info = tmp_path / "site-packages/hil-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: hil\nVersion: 1.0\n")
+    lines = [f"{path.relative_to(package.parent)},sha256={hash_of(path)},9" for path in package.rglob("*.*")]
+    (info / "RECORD").write_text("\n".join([*lines, "hil/__pycache__/a.pyc,,", "hil-1.0.dist-info/RECORD,,", ""]))
+    monkeypatch.setattr(hil, "__file__", str(package / "__init__.py"))
+    monkeypatch.setattr("hil.executive.setup.software.metadata.distribution", lambda _: metadata.Distribution.at(info))
+    return package
+
+
+def hash_of(path):
+    """Return a file's SHA-256 as a RECORD has it."""
+    return base64.urlsafe_b64encode(hashlib.sha256(path.read_bytes()).digest()).rstrip(b"=").decode()
+
+
+def commit_of(tmp_path):
+    """Return what is frozen of the product's commit."""
+    return software_identity(tmp_path)["hil"]["commit"]
+
+
+def test_an_installed_wheel_has_the_commit_that_it_was_built_from(installed, tmp_path):
+    """Every file is the one of its RECORD; byte code is none of them."""
+    (installed / "__pycache__").mkdir()
+    (installed / "__pycache__/figure.pyc").touch()
+    assert commit_of(tmp_path) == {"id": "abc", "changed": False, "files": {}}
+
+
+@pytest.mark.parametrize("name", ["model/figure.py", "new.py", "__init__.py", "built.json"])
+def test_an_installed_file_that_is_not_as_recorded_is_named(installed, tmp_path, name):
+    """Changed, or put in; and one that is gone."""
+    (installed / name).write_text('{"changed": false, "commit": "abd"}\n')
+    assert (commit_of(tmp_path)["changed"], list(commit_of(tmp_path)["files"])) == (True, [f"hil/{name}"])
+    (installed / name).unlink()
+    if name in {"model/figure.py", "__init__.py"}:
+        assert commit_of(tmp_path)["files"] == {f"hil/{name}": ""}
+
+
+@pytest.mark.parametrize("built", ['{"changed": true, "commit": "abc"}', '{"commit": "abc"}'])
+def test_a_wheel_of_changed_source_is_changed(installed, tmp_path, built):
+    """Or one that does not say."""
+    (installed / "built.json").write_text(built)
+    record = next(installed.parent.glob("*.dist-info")) / "RECORD"
+    lines = [each for each in record.read_text().splitlines() if "built.json" not in each]
+    record.write_text("\n".join([*lines, f"hil/built.json,sha256={hash_of(installed / 'built.json')},9"]))
+    assert commit_of(tmp_path) == {"id": "abc", "changed": True, "files": {}}
+
+
+@pytest.mark.parametrize("built", ["", "[]", '{"changed": false, "commit": ""}'])
+def test_a_wheel_that_names_no_commit_has_none(installed, tmp_path, built):
+    """It was built by other means, or outside of version control."""
+    (installed / "built.json").write_text(built)
+    assert commit_of(tmp_path)["id"] == ""
+
+
+@pytest.mark.system
+def test_a_build_notes_its_commit_and_whether_the_source_is_that_of_it(checkout, tmp_path):
+    """Clean, changed, with a file of an earlier build, and without version control."""
+    pytest.importorskip("setuptools")
+    shutil.copy(ROOT / "setup.py", checkout)
+    (checkout / "pyproject.toml").write_text(
+        '[project]\nname = "hil"\nversion = "1"\n[tool.setuptools.packages.find]\nwhere = ["src"]\n'
+    )
+    git(checkout, "add", ".")
+    git(checkout, "commit", "-m", "Build")
+
+    def built():
+        command = [sys.executable, "setup.py", "-q", "build_py", "-d", str(tmp_path / "out")]
+        subprocess.run(command, cwd=checkout, check=True, capture_output=True)
+        return json.loads((tmp_path / "out/hil/built.json").read_bytes())
+
+    commit = subprocess.run([GIT, "-C", checkout, "rev-parse", "HEAD"], capture_output=True, text=True, check=True)
+    assert built() == {"commit": commit.stdout.strip(), "changed": False}
+    (checkout / SOURCE).write_text("x = 1\n")
+    assert built()["changed"] is True
+    git(checkout, "checkout", SOURCE)
+    assert built()["changed"] is False
+    (tmp_path / "out/hil/old.py").touch()
+    assert built()["changed"] is True
+    shutil.rmtree(checkout / ".git")
+    assert built() == {"commit": "", "changed": False}
 
 
 def test_a_run_of_before_files_were_named_can_be_gone_on_with(checkout, tmp_path):

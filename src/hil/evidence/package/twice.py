@@ -123,9 +123,9 @@ def _dut(sources: Sources, run: Run) -> Iterator[Finding]:
 def _calibration(sources: Sources, run: Run) -> Iterator[Finding]:
     """Compare every instrument's certificate and due date with the bench file, or the register that it names."""
     if run.recorded_elsewhere:
-        if (there := (sources.folder / _BENCH).exists()) or sources.facts.calibration:
+        if (given := (sources.folder / _BENCH).exists()) or sources.facts.calibration:
             told = "the journal says that the run was recorded elsewhere, without a bench file: no instrument is known"
-            yield Finding(_BENCH if there else CALIBRATION, 0, 0, told)
+            yield Finding(_BENCH if given else CALIBRATION, 0, 0, sentence)
         return
     root = _tree(sources.folder, _BENCH)
     if (name := _scalar(root, "bench", "name")) != run.bench:
@@ -133,7 +133,7 @@ def _calibration(sources: Sources, run: Run) -> Iterator[Finding]:
     frozen = sources.facts.calibration
     if run.calibration is None:
         return  # the oldest packages have none
-    told = {str(key.text) for key, _ in getattr(node_at(root, ("instruments",)), "entries", ())}
+    sentence = {str(key.text) for key, _ in getattr(node_at(root, ("instruments",)), "entries", ())}
     register = load_instruments(sources.folder / _INSTRUMENTS, _INSTRUMENTS, Findings())
     by_hand = {name for name in frozen.keys() - told if name in register and frozen[name].register == name}
     for name in sorted((frozen.keys() ^ told) - by_hand):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import os
 import platform
 import shutil
@@ -13,6 +14,7 @@ from importlib import metadata
 from pathlib import Path
 
 import hil
+from hil.documents.canonical import JsonError, parse_strict
 from hil.evidence.durable import sha256_of
 from hil.evidence.results.judging_code import judging_digest
 from hil.model.errors import Refused
@@ -36,6 +38,8 @@ def pinned_environment() -> dict[str, str]:
 
 
 _GIT_TIMEOUT_S = 10
+_BUILT = "built.json"
+"""What the wheel has beside the product's modules: the commit of its source, and whether it differed."""
 _COMMIT = "# branch.oid "
 _FIELDS = {"1": 8, "2": 9, "u": 10, "?": 1}
 """What `git status --porcelain=v2` writes before a path, by its line: changed, renamed, unmerged, untracked."""
@@ -104,10 +108,10 @@ def _source(package: Path) -> dict[str, object]:
     """Return the commit of the product's own source, and the files that differ from it, by their SHA-256.
 
     What else lies in its checkout cannot change a run: plans and fixtures have digests of their own. A package that was
-    installed into somebody's checkout is not part of it.
+    installed into somebody's checkout is not part of it; it has the commit that its wheel names.
     """
     if not _git(package, "ls-files", "--", "__init__.py"):
-        return {"id": "", "changed": False, "files": {}}
+        return _installed(package)
     commit, names = _status(package, "--no-renames", "--untracked-files=all", "--", ".")
     top = Path(_git(package, "rev-parse", "--show-toplevel").removesuffix("\n")) if names else package
     return {"id": commit, "changed": bool(names), "files": {name: _digest(top / name) for name in names}}
@@ -119,6 +123,37 @@ def _status(folder: Path, *arguments: str) -> tuple[str, list[str]]:
     commit = next((entry.removeprefix(_COMMIT) for entry in told if entry.startswith(_COMMIT)), "")
     changed = [entry.split(" ", _FIELDS[entry[0]])[-1] for entry in told if entry and entry[0] in _FIELDS]
     return "" if commit == "(initial)" else commit, changed
+
+
+def _installed(package: Path) -> dict[str, object]:
+    """Return the commit from which an installed package was built, and the files that differ from its RECORD.
+
+    A wheel names every file by its SHA-256 (PEP 376, PEP 427), and in `built.json` the commit of its source.
+    """
+    found: dict[str, object] = {"id": "", "changed": False, "files": {}}
+    try:
+        built = parse_strict((package / _BUILT).read_bytes())
+        recorded = {Path(str(each.locate())): each.hash for each in metadata.distribution("hil").files or ()}
+    except (OSError, JsonError, metadata.PackageNotFoundError):
+        return found
+    if not isinstance(built, dict) or recorded.get(package / "__init__.py") is None:
+        return found
+    there = {path for path in package.rglob("*") if path.is_file() and "__pycache__" not in path.parts}
+    due = {path for path in recorded if path.is_relative_to(package) and "__pycache__" not in path.parts}
+    files = {
+        path.relative_to(package.parent).as_posix(): _digest(path)
+        for path in sorted(there | due)
+        if not _is_as_recorded(path, recorded.get(path))
+    }
+    return {"id": str(built.get("commit", "")), "changed": built.get("changed") is not False or bool(files),
+            "files": files}  # fmt: skip
+
+
+def _is_as_recorded(path: Path, recorded: metadata.FileHash | None) -> bool:
+    if recorded is None or recorded.mode != "sha256":
+        return False
+    digest = base64.urlsafe_b64encode(bytes.fromhex(_digest(path))).rstrip(b"=").decode()
+    return digest == recorded.value
 
 
 def _digest(path: Path) -> str:
