@@ -124,7 +124,9 @@ def _calibration(sources: Sources, run: Run) -> Iterator[Finding]:
     """Compare every instrument's certificate and due date with the bench file, or the register that it names."""
     if run.recorded_elsewhere:
         if (given := (sources.folder / _BENCH).exists()) or sources.facts.calibration:
-            told = "the journal says that the run was recorded elsewhere, without a bench file: no instrument is known"
+            sentence = (
+                "the journal says that the run was recorded elsewhere, without a bench file: no instrument is known"
+            )
             yield Finding(_BENCH if given else CALIBRATION, 0, 0, sentence)
         return
     root = _tree(sources.folder, _BENCH)
@@ -133,7 +135,7 @@ def _calibration(sources: Sources, run: Run) -> Iterator[Finding]:
     frozen = sources.facts.calibration
     if run.calibration is None:
         return  # the oldest packages have none
-    sentence = {str(key.text) for key, _ in getattr(node_at(root, ("instruments",)), "entries", ())}
+    told = {str(key.text) for key, _ in getattr(node_at(root, ("instruments",)), "entries", ())}
     register = load_instruments(sources.folder / _INSTRUMENTS, _INSTRUMENTS, Findings())
     by_hand = {name for name in frozen.keys() - told if name in register and frozen[name].register == name}
     for name in sorted((frozen.keys() ^ told) - by_hand):
