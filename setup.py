@@ -20,6 +20,7 @@ class BuildWithCommit(build_py):
 
     def run(self) -> None:
         """Build, and write `hil/built.json` unless the source is only linked to."""
+        self.force = True  # a file may be older than the copy that an earlier build left
         super().run()
         if not self.editable_mode:
             copied = Path(self.build_lib) / "hil"
