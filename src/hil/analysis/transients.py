@@ -3,8 +3,8 @@
 Every function takes times in s and values of one channel, both of shape (n,), times rising. Between samples the signal
 is taken for a straight line. Uncertainties are standard uncertainties of sampling and resolution alone (GUM 4.3.7, a
 rectangle of half width a has a / sqrt(3)): an instant may lie up to one sample interval away, and a value up to half a
-`resolution`, the step of the converter, None or 0 where there is none. The certificate of the instrument is not in
-them. Names of transitions are those of IEEE Std 181-2011, from memory.
+`resolution`, the step of the converter, None or 0 where there is none. Noise is told from the samples. The certificate
+of the instrument is not in them. Names of transitions are those of IEEE Std 181-2011, from memory.
 """
 
 from __future__ import annotations
@@ -22,6 +22,8 @@ from hil.model.figure import Figure
 __all__ = ["charge", "crossing", "peak", "rise_time", "time_above", "time_below"]
 
 _ROOT_3, _ROOT_12 = math.sqrt(3.0), math.sqrt(12.0)
+_MEDIAN_TO_RMS = 1.4826
+_SIGMAS = 3.0
 _LEAST_STEPS = 5  # of the converter between base and top, for a rise time
 
 
@@ -49,11 +51,12 @@ def crossing(
         Refused: the arrays are no waveform.
     """
     times, signal = _waveform(time, values)
-    found = _crossings(signal, level, rising)
+    over = signal - level if rising else level - signal
+    found = _crossings(over)
     found = found[times[found + 1] >= after]
     if not found.size:
         return not_observable("s")
-    return _instant(times, signal, level, int(found[0]), resolution or 0.0)
+    return _transit(times, over, resolution or 0.0, first=True, place=int(found[0]))
 
 
 @traced
@@ -97,15 +100,17 @@ def rise_time(
     step = resolution or 0.0
     if not abs(end - start) > _LEAST_STEPS * step:
         return not_observable("s")
-    levels = [start + share * (end - start) for share in (low, high)]
-    rising = end > start
-    lows, highs = (_crossings(signal, level, rising) for level in levels)
+    sign = math.copysign(1.0, end - start)
+    below, above = (sign * (signal - start - share * (end - start)) for share in (low, high))
+    highs = _crossings(above)
+    lows = _crossings(below)
     lows = lows[lows <= highs[0]] if highs.size else lows[:0]
     if not lows.size:
         return not_observable("s")
     # Base and top are known to half a step as well, so that the levels are as uncertain as the samples.
-    first = _instant(times, signal, levels[0], int(lows[-1]), step * math.sqrt(2.0))
-    last = _instant(times, signal, levels[1], int(highs[0]), step * math.sqrt(2.0))
+    coarse = step * math.sqrt(2.0)
+    first = _transit(times, below, coarse, first=False, place=int(lows[-1]))
+    last = _transit(times, above, coarse, first=True, place=int(highs[0]))
     return last - first
 
 
@@ -129,7 +134,8 @@ def time_above(time: ArrayLike, values: ArrayLike, level: float, *, resolution: 
     mixed = (over[1:] >= 0) != (over[:-1] >= 0)
     share = np.where(mixed, (ends + begins) / np.where(size > 0, size, 1.0), over[:-1] >= 0)
     places = np.flatnonzero(mixed)
-    parts = [_instant(times, signal, level, int(place), resolution or 0.0).uncertainty or 0.0 for place in places]
+    doubt = math.hypot((resolution or 0.0) / _ROOT_12, _noise(signal))
+    parts = [math.hypot(steps[each] / _ROOT_3, doubt * steps[each] / size[each]) for each in places]
     return Figure(value=float((share * steps).sum()), unit="s", uncertainty=math.hypot(*parts))
 
 
@@ -224,18 +230,47 @@ def _waveform(time: ArrayLike, values: ArrayLike) -> tuple[NDArray[np.float64], 
     return times, signal
 
 
-def _crossings(signal: NDArray[np.float64], level: float, rising: bool) -> NDArray[np.intp]:
-    """Return the places of the samples before a level is crossed."""
-    over = signal - level if rising else level - signal
+def _crossings(over: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Return the places of the samples before which a signal is below 0, and not after."""
     return np.flatnonzero((over[:-1] < 0) & (over[1:] >= 0))
 
 
-def _instant(
-    times: NDArray[np.float64], signal: NDArray[np.float64], level: float, place: int, resolution: float
-) -> Figure:
-    """Return when a level is crossed between a sample and the next, in s."""
+def _noise(signal: NDArray[np.float64]) -> float:
+    """Return the rms noise of samples, from the median of their second differences: a smooth signal has none."""
+    return float(np.median(np.abs(np.diff(signal, 2)))) * _MEDIAN_TO_RMS / math.sqrt(6.0)
+
+
+def _transit(times: NDArray[np.float64], over: NDArray[np.float64], step: float, *, first: bool, place: int) -> Figure:
+    """Return when a signal rises through 0, in s.
+
+    Noise lets it cross several times: it has left the level once it is farther away than noise and a step of the
+    converter. The middle of the first and the last crossing between is taken.
+
+    Args:
+        times: in s.
+        over: the signal less the level.
+        step: of the converter.
+        first: whether the transit that begins at `place` is meant; else that which ends there.
+        place: the sample before a crossing.
+    """
+    noise = _noise(over)
+    away = _SIGMAS * noise + step
+    below = np.flatnonzero(over[: place + 1] <= -away)
+    begin = int(below[-1]) if below.size else 0
+    above = np.flatnonzero(over[place + 1 :] >= away)
+    end = place + 1 + int(above[0]) if above.size else len(over) - 1
+    if first and (again := np.flatnonzero(over[place:end] <= -away)).size:
+        begin = place + int(again[-1])
+    places = begin + _crossings(over[begin : end + 1])
+    one, last = (_between(times, over, int(each)) for each in (places[0], places[-1]))
+    slope = abs(over[end] - over[begin]) / (times[end] - times[begin])
+    doubt = math.hypot(step / _ROOT_12, noise) / slope if slope > 0 else float(times[end] - times[begin])
     interval = float(times[place + 1] - times[place])
-    rise = float(signal[place + 1] - signal[place])
-    when = float(times[place]) + interval * (level - float(signal[place])) / rise
-    uncertainty = math.hypot(interval / _ROOT_3, resolution / _ROOT_12 * interval / abs(rise))
-    return Figure(value=when, unit="s", uncertainty=uncertainty)
+    uncertainty = math.hypot(interval / _ROOT_3, float(doubt), (last - one) / 2 / _ROOT_3)
+    return Figure(value=(one + last) / 2, unit="s", uncertainty=uncertainty)
+
+
+def _between(times: NDArray[np.float64], over: NDArray[np.float64], place: int) -> float:
+    """Return when the straight line from a sample to the next is 0, in s."""
+    share = over[place] / (over[place] - over[place + 1])
+    return float(times[place] + share * (times[place + 1] - times[place]))

@@ -190,8 +190,9 @@ class CaseRun(OfThisProcess):
 
     def _untriggered(self, error: NotTriggered) -> None:
         """Note that an instrument waited in vain: for bench or DUT, nobody can tell."""
-        self._write_fault(error, dut=False, undecided=True)
-        self._undecided.append(str(error))
+        if str(error) not in self._undecided:
+            self._write_fault(error, dut=False, undecided=True)
+            self._undecided.append(str(error))
 
     def _write_fault(self, fault: DeviceFault | NotTriggered, *, dut: bool, undecided: bool = False) -> None:
         self.journal.write(

@@ -225,7 +225,8 @@ class Progress:
         self._print(text)
 
     def _fault(self, event: events.Fault) -> None:
-        self._line(f"  {'DUT' if event.dut else 'bench'} fault, {event.message}", "bold red")
+        whose = "undecided" if event.undecided else f"{'DUT' if event.dut else 'bench'} fault"
+        self._line(f"  {whose}, {event.message}", "bold red")
         if event.hint:
             self._line(f"    {event.hint}")
 

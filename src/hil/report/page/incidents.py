@@ -324,7 +324,7 @@ def _told(event: Event) -> tuple[str, str] | None:  # noqa: PLR0911, PLR0912, C9
 
 
 def _fault(event: Fault) -> str:
-    owner = "the device under test" if event.dut else "the bench"
+    owner = "the device under test" if event.dut else "bench or device under test" if event.undecided else "the bench"
     hint = f"; {event.hint}" if event.hint else ""
     return f"{event.device} ({owner}): {event.error}: {event.message}{hint}"
 
