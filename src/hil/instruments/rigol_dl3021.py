@@ -53,7 +53,6 @@ DL3000 = LoadDialect(
         "resistance": ":MEAS:RES?",
     },
     error_query=":SYST:ERR?",
-    pause_s=0.015,  # as the supplies of this maker
 )
 """The commands of the DL3000 series."""
 

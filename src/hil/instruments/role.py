@@ -14,11 +14,12 @@ __all__ = ["Argument", "Operation", "Role", "problem_with"]
 
 @dataclass(frozen=True, slots=True)
 class Argument:
-    """One argument of an operation: whether it takes a number, and the unit of that, empty if it has none."""
+    """One argument of an operation: whether it takes a number, or a whole one, and its unit, empty if it has none."""
 
     name: str
     number: bool
     unit: str
+    whole: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,7 +119,7 @@ def _operation(name: str, function: Callable[..., Any]) -> Operation:
 
 def _argument(name: str, hint: object) -> Argument:
     kind = get_args(hint)[0] if get_origin(hint) is Annotated else hint
-    return Argument(name=name, number=kind is float, unit=_unit(hint))
+    return Argument(name=name, number=kind is float, unit=_unit(hint), whole=kind is int)
 
 
 def _unit(hint: object) -> str:

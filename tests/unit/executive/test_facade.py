@@ -60,6 +60,16 @@ def test_what_is_no_number_drives_nothing(tmp_path, voltage):
     assert (case.supply.calls, case.written.events) == ([], [])
 
 
+@pytest.mark.parametrize("channel", ["A0", 1.0, True, None])
+def test_what_is_no_whole_number_is_not_asked(tmp_path, channel):
+    """An input of a board has a number; its printed name never reaches the board."""
+    case = Case(tmp_path)
+    wire = Wire(role="obc", instrument="obc1")
+    obc = Facade(wire, InstrumentSpec(name="obc1", driver="obc-link"), object(), case.run.effects, case.run)
+    with pytest.raises(Misused, match="obc.analog: channel is a whole number, found "):
+        obc.analog(channel)
+
+
 def test_readings_carry_the_certificate_of_their_instrument(tmp_path):
     """The expanded uncertainty of the certificate is halved; where no range covers a reading it is unknown."""
     case = Case(tmp_path)

@@ -177,9 +177,10 @@ class Facade(OfThisProcess):
 def _require_numbers(what: str, operation: Operation, arguments: Mapping[str, object]) -> None:
     """Refuse what is not a number where the role requires one; a flag would pass for 0 or 1."""
     for name, value in arguments.items():
-        if not operation.arguments[name].number:
-            continue
-        if isinstance(value, bool) or not isinstance(value, Real):
+        argument = operation.arguments[name]
+        if argument.whole and (isinstance(value, bool) or not isinstance(value, int)):
+            raise Misused(f"{what}: {name} is a whole number, found {value!r}", "see the role's operations")
+        if argument.number and (isinstance(value, bool) or not isinstance(value, Real)):
             hint = (
                 "take its value, in the unit of the role" if isinstance(value, Figure) else "see the role's operations"
             )

@@ -2,8 +2,8 @@
 
 Facts, from the programming guide of the DL3000 series: `[:SOURce]:FUNCtion` takes CURRent, RESistance, VOLTage or POWer
 and is told as CC, CR, CV or CP; `[:SOURce]:INPut[:STATe]` is told as 0 or 1; 150 V, 40 A and 200 W; a level beyond the
-chosen range is refused. From memory: the ends of the ranges, about ten milliseconds between lines as at the supplies of
-this maker, and the identification `RIGOL TECHNOLOGIES,DL3021,...`. Assumed: beyond 200 W the protection switches off.
+chosen range is refused; public programs ask it line by line without a pause. From memory: the ends of the ranges.
+Assumed: beyond 200 W the protection switches off.
 """
 
 from __future__ import annotations
@@ -39,7 +39,6 @@ class RigolLoadTruth(DeviceTruth):
     serial: AnyText = "DL3A000000001"
     firmware: AnyText = "00.01.05.00.01"
     command_time: NotNegative = 5e-3
-    pause_time: NotNegative = 1e-2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
