@@ -20,6 +20,7 @@ __all__ = [
     "name_option",
     "overrides_of",
     "skips_of",
+    "unit_option",
 ]
 
 _Command = TypeVar("_Command", bound=Callable[..., Any])
@@ -47,6 +48,20 @@ def name_option(flag: str, *, help: str) -> Callable[[_Command], _Command]:  # n
 def _named(context: click.Context, option: click.Parameter, value: str) -> str:
     if context.get_parameter_source(str(option.name)) is not click.core.ParameterSource.DEFAULT:
         require_name(option.opts[0], value)
+    return value
+
+
+def unit_option(flag: str, *, help: str, required: bool = False) -> Callable[[_Command], _Command]:  # noqa: A002 - as above
+    """Return an option that takes a unit that is known."""
+    return click.option(flag, required=required, metavar="UNIT", help=help, callback=_known_unit)
+
+
+def _known_unit(context: click.Context, option: click.Parameter, value: str | None) -> str | None:
+    from hil.requirements.units import check_unit  # noqa: PLC0415 - slow to import
+
+    del context
+    if value is not None and (problem := check_unit(value)):
+        raise Refused(f"{option.opts[0]}: {problem}", "LSB, count or 1 for numbers as the device gives them")
     return value
 
 

@@ -65,6 +65,13 @@ def test_motion_in_the_record_is_told():
     assert "motion" in axis["remark"]
 
 
+@pytest.mark.parametrize("flag", ["--unit", "--scaled-unit"])
+def test_a_unit_that_nobody_knows_is_refused(flag):
+    """Before the file is read; the message says how units are written."""
+    with pytest.raises(Refused, match=f"{flag}: 'furlong' is not a known unit"):
+        run(SLICE, *REST, "--scale", "0.01", "--scaled-unit", "deg/s", flag, "furlong")
+
+
 def test_counts_are_scaled_into_another_unit():
     """--scale multiplies the numbers, --scaled-unit names the result."""
     counts = json.loads(run(SLICE, *REST, "--json").stdout)["axes"][0]["white"]

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from hil.cli.options import unit_option
 from hil.model.errors import Refused
 
 if TYPE_CHECKING:
@@ -56,9 +57,9 @@ class _Samples:
 )
 @click.option("--rate", type=float, metavar="HZ", help="Samples per second, if the log has no timestamps.")
 @click.option("--columns", metavar="A,B,C", help="Columns of rates, by number or name; all but the time by default.")
-@click.option("--unit", required=True, help="Unit of the numbers in the file, such as deg/s or LSB.")
+@unit_option("--unit", required=True, help="Unit of the numbers in the file, such as deg/s or LSB.")
 @click.option("--scale", type=float, metavar="FACTOR", help="How many --scaled-unit one --unit is.")
-@click.option("--scaled-unit", metavar="UNIT", help="Unit after scaling, such as deg/s.")
+@unit_option("--scaled-unit", help="Unit after scaling, such as deg/s.")
 @click.option(
     "--from", "begin", type=float, default=0.0, metavar="S", help="Start this many seconds after the first sample."
 )

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from hil.cli.options import unit_option
 from hil.model.errors import Refused
 from hil.model.figure import Figure
 
@@ -38,7 +39,7 @@ class _Columns:
 @click.option("--rates", metavar="A,B,C", help="Columns of true rates about each axis; rows with zeros are at rest.")
 @click.option("--uncertainties", metavar="A,B,C", help="Columns of standard uncertainties of the means.")
 @click.option("--uncertainty", type=float, metavar="U", help="One standard uncertainty for all means.")
-@click.option("--unit", required=True, help="Unit of means, rates and uncertainties, such as deg/s.")
+@unit_option("--unit", required=True, help="Unit of means, rates and uncertainties, such as deg/s.")
 @click.option(
     "--reference",
     type=float,
