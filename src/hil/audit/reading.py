@@ -4,23 +4,23 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import msgspec
 
 from hil.audit.cache import Cache
-from hil.audit.inputs import Approval, Asked, Filed, Package, Policy, Register, Remembered, World
+from hil.audit.inputs import Approval, Asked, Filed, Package, Register, Remembered, World
 from hil.audit.packages import read_packages
-from hil.audit.recorded import encoded, keep, remembered, reports_ever
+from hil.audit.recorded import encoded, keep, policy_of, remembered, reports_ever
 from hil.clock import wall
 from hil.documents.findings import Findings, shown
 from hil.documents.suggest import did_you_mean
 from hil.evidence.folder import JOURNAL
 from hil.evidence.journal.reader import read_journal
-from hil.evidence.ledger.approvals import Subject, said_of
+from hil.evidence.ledger.approvals import Subject, keep_signers, said_of
 from hil.evidence.ledger.book import Ledger, read
-from hil.evidence.ledger.entries import Approved, Entry, Head, Sealed, Signed
+from hil.evidence.ledger.entries import Approved, Head, Sealed
 from hil.evidence.ledger.heads import require_uncut
 from hil.evidence.package.verification import verify
 from hil.evidence.results.judging_code import judging_digest
@@ -35,7 +35,7 @@ from hil.registers.nonconformances import (
     Waiver,
     load_records,
 )
-from hil.registers.signers import Signers, load_signers
+from hil.registers.signers import SIGNERS, Signers, load_signers
 from hil.registers.units import DUTS, load_duts
 from hil.requirements.carried import carrying_cases
 from hil.requirements.catalogue import Catalogue, load_catalogue
@@ -93,7 +93,7 @@ def read_world(
         asked=asked,
         packages=packages,
         cases=carrying_cases(folders.root, _plans(folders)),
-        policy=_policy(ledger, packages, signers).until(date),
+        policy=policy_of(ledger, packages, signers).until(date),
         filed=_filed(folders, ledger, packages, signers, _read_records(folders, asked, register)),
         register=register,
         remembered=known,
@@ -139,23 +139,6 @@ def _compared(reports: Path, ledger: Ledger, packages: Iterable[Package]) -> Ite
             yield msgspec.structs.replace(package, sealed=False, known=False, problem=error.message)
         else:
             yield package
-
-
-def _policy(ledger: Ledger, packages: Iterable[Package], signers: Signers) -> Policy:
-    """Return what the register of signers asks for, and every signature that counts."""
-    of_run: dict[str, list[Entry]] = {}
-    for entry in ledger.entries:
-        if isinstance(entry, Approved | Signed):
-            of_run.setdefault(entry.run, []).append(entry)
-    found: list[tuple[str, str, str]] = []
-    for package in packages:
-        if package.digest and package.run in of_run:
-            subject = Subject(run=package.run, evidence=package.digest, operator=package.operator)
-            its = replace(ledger, entries=tuple(of_run[package.run]))
-            for each in said_of(its, subject, signers):
-                role = each.entry.role if isinstance(each.entry, Approved) else ""
-                found += [] if each.problem else [(each.entry.utc, package.digest, role)]
-    return Policy(signatures=signers.required.signature, approvals=signers.required.approvals, said=tuple(found))
 
 
 def _read_records(folders: Folders, asked: Iterable[Asked], register: Register) -> Records:
@@ -235,6 +218,8 @@ def keep_present(root: Path, testplans: Path, fixtures: Path, reports: Path) -> 
     """Enter catalogue and registers as they are now into the ledger; return why that is not possible, if it is not."""
     folders = Folders(root=root, testplans=testplans, fixtures=fixtures, reports=reports, name="")
     try:
+        if (fixtures / SIGNERS).exists():
+            keep_signers(reports, load_signers(fixtures))
         keep(reports, read_catalogue(folders, locked=False), read_register(folders))
     except HilError as error:
         return str(error)

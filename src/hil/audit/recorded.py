@@ -2,25 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import takewhile
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Generic, TypeVar
 
 import msgspec
 
 from hil.audit.document import Document, Row
-from hil.audit.inputs import Asked, Filed, Register, Remembered, World
+from hil.audit.inputs import Asked, Filed, Package, Policy, Register, Remembered, World
 from hil.audit.remembered import CATALOGUE, INSTRUMENTS, UNITS, remember, removed_from
-from hil.evidence.ledger.book import append_all, put_object, read, read_object
-from hil.evidence.ledger.entries import Approved, Baseline, Entry, Explained, Reason, Sealed, Status
+from hil.evidence.ledger.approvals import Subject, said_of, signers_then
+from hil.evidence.ledger.book import Ledger, append_all, put_object, read, read_object
+from hil.evidence.ledger.entries import Approved, Baseline, Entry, Explained, Reason, Sealed, Signed, Status
 from hil.model.errors import EvidenceError, Refused
 from hil.model.identity import Dut
 from hil.registers.instruments import RegisteredInstrument
 from hil.registers.nonconformances import Nonconformance, Records, Waiver
+from hil.registers.signers import Signers
 
-__all__ = ["ANALYSIS", "baseline", "encoded", "explain", "keep", "past", "record", "remembered", "reports_ever"]
+__all__ = [
+    "ANALYSIS",
+    "baseline",
+    "encoded",
+    "explain",
+    "keep",
+    "past",
+    "policy_of",
+    "record",
+    "remembered",
+    "reports_ever",
+]
 
 ANALYSIS = "analysis"
 """The subject of the baselines that name the analysis."""
@@ -195,7 +209,7 @@ def past(world: World, reports: Path, day: str) -> World:
         remembered=remembered(reports, entries),
         problems=(*world.problems, *map(_set_back, back[:1])),
         entries=entries,
-        policy=world.policy.until(day),
+        policy=_policy_then(world, reports, entries, day),
         filed=_filed(world.filed, reports, entries, day),
         analysis=analysis[-1] if analysis else world.analysis,
         head=_head(entries, world),
@@ -230,6 +244,32 @@ def reports_ever(reports: Path, entries: Sequence[Entry]) -> tuple[Nonconformanc
         if isinstance(each, Approved) and each.run.startswith("NCR-")
     ]
     return tuple(dict.fromkeys(found))
+
+
+def policy_of(ledger: Ledger, packages: Iterable[Package], signers: Signers) -> Policy:
+    """Return what the register of signers asks for, and every signature that counts."""
+    of_run: dict[str, list[Entry]] = {}
+    for entry in ledger.entries:
+        if isinstance(entry, Approved | Signed):
+            of_run.setdefault(entry.run, []).append(entry)
+    found: list[tuple[str, str, str]] = []
+    for package in packages:
+        if package.digest and package.run in of_run:
+            subject = Subject(run=package.run, evidence=package.digest, operator=package.operator)
+            its = replace(ledger, entries=tuple(of_run[package.run]))
+            for each in said_of(its, subject, signers):
+                role = each.entry.role if isinstance(each.entry, Approved) else ""
+                found += [] if each.problem else [(each.entry.utc, package.digest, role)]
+    return Policy(signatures=signers.required.signature, approvals=signers.required.approvals, said=tuple(found))
+
+
+def _policy_then(world: World, reports: Path, entries: tuple[Entry, ...], day: str) -> Policy:
+    """Return what was asked for and signed, by the signers of that day; by those of now where none were kept."""
+    with TemporaryDirectory() as place:
+        signers = signers_then(reports, entries, Path(place))
+        if signers is None:
+            return world.policy.until(day)
+        return policy_of(Ledger(reports=reports, entries=entries), world.packages, signers).until(day)
 
 
 def _set_back(entry: Entry) -> str:

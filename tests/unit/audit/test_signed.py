@@ -11,9 +11,12 @@ from audited import closed_world, codes
 from evidence_runs import sealed_run
 
 from hil.audit.cache import Cache
-from hil.audit.inputs import Policy
+from hil.audit.inputs import Policy, Register
 from hil.audit.reading import Folders, read_world
-from hil.evidence.ledger.approvals import Subject, approve, sign_package
+from hil.audit.recorded import keep, past
+from hil.evidence.ledger.approvals import Subject, approve, sign_package, signers_then
+from hil.evidence.ledger.book import put_object
+from hil.evidence.ledger.entries import Baseline
 from hil.evidence.package.verification import verify
 from hil.registers.signers import load_signers
 
@@ -61,3 +64,23 @@ def test_an_audit_reads_the_signatures_that_count(tmp_path):
     assert policy().valid == {found.evidence_digest: frozenset({"", "quality"})}
     (fixtures / "allowed_signers").write_text(allowed.replace("bo@x", "cy@x"))
     assert policy().valid == {found.evidence_digest: frozenset({""})}
+    keep(reports, (), Register())
+    world = read_world(folders, Cache(None, ""), version="1")
+    then = past(world, reports, world.entries[-1].utc[:10]).policy
+    assert then.valid == {found.evidence_digest: frozenset({"", "quality"})}
+    (fixtures / "signers.yaml").unlink()
+    assert past(world, reports, world.entries[-1].utc[:10]).policy == then
+
+
+def test_who_could_sign_is_read_as_earlier_versions_kept_it(tmp_path):
+    """The files one after the other, each below its name."""
+    kept = f"# signers.yaml\n{SIGNERS}# allowed_signers\nada@x ssh-ed25519 AAAA\n# revoked_keys\n".encode()
+    entry = Baseline(subject="signers", object=put_object(tmp_path, kept))
+    place = tmp_path / "then"
+    place.mkdir()
+    found = signers_then(tmp_path, [entry], place)
+    assert found is not None
+    assert [each.principal for each in found.people] == ["ada@x", "bo@x"]
+    assert (place / "allowed_signers").read_text() == "ada@x ssh-ed25519 AAAA\n"
+    assert (place / "revoked_keys").read_text() == ""
+    assert signers_then(tmp_path, [], place) is None

@@ -205,7 +205,11 @@ def _explain(world: World, folders: Folders, because: str, by: str) -> World:
 
 def _record(world: World, document: Document, folders: Folders) -> None:
     from hil.audit.recorded import record  # noqa: PLC0415 - heavy
+    from hil.evidence.ledger.approvals import keep_signers  # noqa: PLC0415 - heavy
+    from hil.registers.signers import SIGNERS, load_signers  # noqa: PLC0415 - heavy
 
+    if (folders.fixtures / SIGNERS).exists():
+        keep_signers(folders.reports, load_signers(folders.fixtures))
     baselines, changes = record(folders.reports, world, document)
     click.echo(f"recorded: {_counted(baselines, 'baseline')}, {_counted(changes, 'change')} of status", err=True)
 

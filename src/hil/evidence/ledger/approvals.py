@@ -3,23 +3,33 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+
+import msgspec
 
 from hil.clock import wall
 from hil.documents.canonical import JsonError
 from hil.evidence.durable import read_plain, write_whole
 from hil.evidence.ledger.book import LEDGER, Ledger, append, append_once, object_file, put_object, read, read_object
-from hil.evidence.ledger.entries import Approved, Baseline, Sealed, Signed
+from hil.evidence.ledger.entries import Approved, Baseline, Entry, Sealed, Signed
 from hil.evidence.ledger.signing import APPROVAL, PACKAGE, Statement, problem_of, read_statement, sign
 from hil.model.errors import EvidenceError, Refused
-from hil.registers.signers import ALLOWED, REVOKED, SIGNERS, Signers
+from hil.registers.signers import ALLOWED, REVOKED, SIGNERS, Signers, load_signers
 
-__all__ = ["Said", "Subject", "approve", "said_of", "sign_package", "stray_files"]
+__all__ = ["Said", "Subject", "approve", "keep_signers", "said_of", "sign_package", "signers_then", "stray_files"]
 
 _FOLDER = "signatures"
+_FILES = (SIGNERS, ALLOWED, REVOKED)
 _LONGEST = 500
+
+
+class _Kept(msgspec.Struct, frozen=True, kw_only=True):
+    """The files of signers and keys, whose bytes JSON holds in base64."""
+
+    format: int
+    files: dict[str, bytes]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -140,7 +150,7 @@ def _enter(
     file = object_file(reports, signed)
     if problem := problem_of(statement, file, utc=statement.utc, fixtures=signers.folder):
         raise _would_not_count(subject, problem)
-    _enter_baseline(reports, signers)
+    keep_signers(reports, signers)
     if subject.content:
         put_object(reports, subject.content)
     run, evidence = subject.run, subject.evidence
@@ -201,16 +211,50 @@ def _would_not_count(subject: Subject, problem: str) -> Refused:
     return Refused(f"{subject.run}: this would not count: {problem}", f"see fixtures/{SIGNERS} and fixtures/{ALLOWED}")
 
 
-def _enter_baseline(reports: Path, signers: Signers) -> None:
-    """Keep who could sign at this moment, unless that stands already."""
-    paths = (signers.folder / name for name in (SIGNERS, ALLOWED, REVOKED))
-    there = (b"# %b\n%b" % (path.name.encode(), read_plain(path)) for path in paths if path.exists())
-    kept = put_object(reports, b"".join(there))
+def keep_signers(reports: Path, signers: Signers) -> None:
+    """Keep who can sign at this moment, unless that stands already.
+
+    Raises:
+        EvidenceError: if the ledger cannot be written.
+    """
+    paths = (signers.folder / name for name in _FILES)
+    there = {path.name: read_plain(path) for path in paths if path.exists()}
+    kept = put_object(reports, msgspec.json.encode(_Kept(format=1, files=there), order="sorted"))
 
     def stands(ledger: Ledger) -> bool:
         return [each.object for each in ledger.of(Baseline) if each.subject == "signers"][-1:] == [kept]
 
     append_once(reports, Baseline(subject="signers", object=kept), stands)
+
+
+def signers_then(reports: Path, entries: Iterable[Entry], place: Path) -> Signers | None:
+    """Return who could sign when the last of these entries was written; None where no entry tells.
+
+    Args:
+        reports: the folder of reports.
+        entries: entries of its ledger, in order.
+        place: an empty folder for the files of keys, which ssh-keygen reads.
+
+    Raises:
+        EvidenceError: if what was kept is missing or was changed.
+        ConfigurationError: if this version cannot read the register that was kept.
+    """
+    kept = [each.object for each in entries if isinstance(each, Baseline) and each.subject == "signers"]
+    if not kept:
+        return None
+    for name, content in _files_in(read_object(reports, kept[-1])).items():
+        write_whole(place / name, content)
+    return load_signers(place)
+
+
+def _files_in(data: bytes) -> dict[str, bytes]:
+    """Return the files that were kept; earlier versions of hil put them one after the other."""
+    if data.startswith(b"{"):
+        files = msgspec.json.decode(data, type=_Kept).files
+        return {name: files[name] for name in _FILES if name in files}
+    names = b"|".join(re.escape(name.encode()) for name in _FILES)
+    _, *parts = re.split(b"^# (%b)\n" % names, data, flags=re.MULTILINE)
+    return {name.decode(): content for name, content in zip(parts[::2], parts[1::2], strict=True)}
 
 
 def _problem(ledger: Ledger, entry: Signed | Approved, subject: Subject, signers: Signers, authors: set[str]) -> str:
