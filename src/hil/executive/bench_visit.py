@@ -191,7 +191,7 @@ def safe_bench(
                 detail = f"not driven: another instrument answers at the port of {name}: {strangers[name]}"
                 results.append(SafeResult(step.output, step.state, ok=False, detail=detail, seconds=0.0))
             else:
-                make_safe([step], bench.roles, bench.clock, results.append)
+                make_safe([step], bench.roles, bench.clock, results.append, speed=bench.speed)
     return results
 
 

@@ -131,6 +131,16 @@ def test_reached_too_late_is_not_safe():
     safe, (result,) = take(COIL, supply_coil=output)
     assert not safe
     assert result.detail == "reached after 3 s, 2 s allowed"
+
+
+def test_a_bench_that_is_served_faster_than_time_has_the_limits_of_the_wall():
+    """What this computer takes counts many times there, and is no delay of an output; 3 s are 0.75 s of the wall."""
+    told = []
+    output = Output(VirtualClock(), takes=3.0)
+    assert make_safe([COIL], {"supply.coil": output}, output.clock, told.append, speed=4.0)
+    assert told[0].ok
+    assert not make_safe([COIL], {"supply.coil": Output(output.clock, takes=9.0)}, output.clock, told.append, speed=4.0)
+    assert told[1].detail == "reached after 9 s, 8 s allowed"
     assert len(output.told) == 1
 
 

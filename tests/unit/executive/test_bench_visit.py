@@ -188,9 +188,9 @@ def test_safe_drives_no_other_instrument_that_answers_on_the_network(tmp_path, m
     file.write_text(file.read_text().replace("model: E36312A, serial: MY59002391", f"model: E36312A, serial: {serial}"))
     driven = []
 
-    def made_safe(steps, *given):
+    def made_safe(steps, *given, **more):
         driven.extend(step.output for step in steps)
-        return make_safe(steps, *given)
+        return make_safe(steps, *given, **more)
 
     monkeypatch.setattr(bench_visit, "make_safe", made_safe)
     results = safe_bench(tmp_path / "workspace", "adcs", Source.SIMULATED, tell=lambda _: None)

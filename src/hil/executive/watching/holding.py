@@ -246,7 +246,8 @@ class Holding:
         """Bring the outputs to their hold state, in the order of the bench file, uninterrupted."""
         results: list[SafeResult] = []
         with self._flags.shielded():
-            make_safe(self._bench.spec.hold, self._bench.roles, self._bench.clock, results.append)
+            bench = self._bench
+            make_safe(bench.spec.hold, bench.roles, bench.clock, results.append, speed=bench.speed)
         return results
 
     def _end_unless_held(self, results: list[SafeResult]) -> None:
