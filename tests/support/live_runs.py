@@ -201,13 +201,13 @@ def live_workspace(
 
 
 @contextmanager
-def running(bench: Served, workspace: BatteryWorkspace) -> Iterator[LiveRun]:
-    """Start a run and give it once every output is on; nothing of it is left behind."""
+def running(bench: Served, workspace: BatteryWorkspace, limit_s: float = 120.0) -> Iterator[LiveRun]:
+    """Start a run and give it once every output is on, within a limit [s]; nothing of it is left behind."""
     begun = workspace.root / "on"
     begun.unlink(missing_ok=True)
     process = workspace.start(*_command(bench), stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
     try:
-        seconds_until(lambda: begun.exists() or process.poll() is not None, 120.0, "outputs on")
+        seconds_until(lambda: begun.exists() or process.poll() is not None, limit_s, "outputs on")
         assert process.poll() is None, process.communicate()[0]
         seconds_until(lambda: bench.on() >= {*_ON, "contact charge"}, 10.0, "every output on")
         yield LiveRun(bench, workspace, process)
