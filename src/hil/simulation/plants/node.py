@@ -15,6 +15,8 @@ __all__ = ["MODES", "OFF", "Load", "Source", "operating_point"]
 MODES = ("", "CC", "CR", "CP", "CV")
 """What a load keeps constant: nothing (off), its current, resistance, power or voltage."""
 
+_EPSILON = 1e-9
+
 
 @dataclass(frozen=True, slots=True)
 class Source:
@@ -64,10 +66,12 @@ def operating_point(source: Source, load: Load = OFF, shunt: float = inf) -> tup
     if source.volts <= 0.0 or source.limit <= 0.0:
         return 0.0, 0.0, 0.0
     ohms, leak = source.ohms, 1.0 / shunt
-    volts = _volts(source.volts / ohms, 1.0 / ohms + leak, load) if ohms else source.volts
+    volts = _volts(source.volts / ohms, 1.0 / ohms + leak, load) if ohms > _EPSILON else source.volts
     drawn = _drawn(volts, load)
     if drawn + volts * leak > source.limit:
-        volts = min(volts, _volts(source.limit, leak, load))
+        volts = _volts(source.limit, leak, load)
+        if volts > source.volts - source.limit * ohms + _EPSILON:  # above, the source does not limit
+            volts = source.limit / (leak + 1.0 / load.least_ohms)
         return volts, source.limit, source.limit - volts * leak
     return volts, drawn + volts * leak, drawn
 
