@@ -69,6 +69,9 @@ def is_serial_device(instrument: InstrumentSpec) -> bool:
     return bool(instrument.port) and kind_of(instrument.port) is PortKind.SERIAL
 
 
+_PSEUDO = "/dev/pts/"
+
+
 def port_gates(
     spec: BenchSpec,
     listing: Callable[[], Iterable[ListedPort]] = listed_ports,
@@ -104,6 +107,9 @@ def check_port(
     ports = list(listed_ports() if ports is None else ports)
     found = next((port for port in ports if real_path(port.device) == device), None)
     if found is None:
+        if device.startswith(_PSEUDO):
+            detail = f"{instrument.port} is a pseudo-terminal: a program answers there, and no instrument"
+            return Gate(name, ok=False, detail=detail)
         return Gate(name, ok=False, detail=f"{instrument.port} is not there{_instead(instrument.usb, ports)}")
     if instrument.usb is None:
         own = f"serial: {found.serial_number}" if found.serial_number else f"path: its name in {_BY_PATH}"

@@ -63,6 +63,15 @@ def test_a_link_that_leads_to_another_board_is_told():
     )
 
 
+def test_a_pseudo_terminal_is_no_instrument():
+    """A program behind it answers whatever it likes."""
+    found = gate(None, OTHER, by_id="/dev/pts/7")
+    assert (found.ok, "is a pseudo-terminal: a program answers there, and no instrument" in found.detail) == (
+        False,
+        True,
+    )
+
+
 @pytest.mark.parametrize(
     ("usb", "ports", "detail"),
     [

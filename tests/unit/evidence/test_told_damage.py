@@ -8,6 +8,7 @@ import json
 import pytest
 from evidence_runs import begin, check, sealed_run, write_report
 
+from hil.cli.main import main
 from hil.documents.canonical import canonical, parse_strict
 from hil.evidence.folder import CATALOGUE, JOURNAL, RESULTS, create
 from hil.evidence.journal.reader import read_journal
@@ -242,3 +243,17 @@ def test_results_that_are_not_canonical_are_damaged(simulated):
     results = parse_strict((simulated / RESULTS).read_bytes())
     (found,) = whole_but_for(simulated, json.dumps(results).encode())
     assert found.message == "not canonical JSON"
+
+
+@pytest.mark.parametrize(("field", "value"), [("source", ["hardware"]), ("plans", 1), ("software", [])])
+def test_a_forged_head_of_a_run_is_told_by_every_command(package, capsys, field, value):
+    """A list for a word, a number for a list: no command ends in a traceback, and none gives a verdict."""
+    rehash(package, of_kind("run", **{field: value}))
+    assert any(line.startswith("data/journal.jsonl:1:") and f"'{field}'" in line for line in told(package))
+    for command in ("export", "report", "verify"):
+        with pytest.raises(SystemExit) as left:
+            main((command, str(package), *(["--csv"] if command == "export" else [])))
+        said = capsys.readouterr()
+        assert left.value.code in {1, 4}, (command, said)
+        assert f"'{field}'" in said.out + said.err, command
+        assert "Traceback" not in said.out + said.err
