@@ -221,8 +221,7 @@ class Filed:
     approvals: tuple[Approval, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Remembered:
+class Remembered(msgspec.Struct, frozen=True, kw_only=True):
     """One entry that catalogue or registers had when a baseline was entered into the ledger.
 
     Attributes:

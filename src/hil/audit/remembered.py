@@ -96,11 +96,12 @@ def _items(found: Iterable[object]) -> Iterator[Remembered]:
     """Give what is remembered of requirements, units and instruments, each by a mark that tells it from all others."""
     for each in found:
         match each:
-            case Asked(withdrawn=False):
-                yield Remembered(mark=f"{CATALOGUE} {each.id}", name=each.id, owner=each.id, item=each)
-                for parent in each.parents:
-                    name = f"{each.id} below {parent}"
-                    yield Remembered(mark=f"{CATALOGUE} {name}", name=name, owner=each.id, item=parent)
+            case Asked():
+                if not each.withdrawn:
+                    yield Remembered(mark=f"{CATALOGUE} {each.id}", name=each.id, owner=each.id, item=each)
+                    for parent in each.parents:
+                        name = f"{each.id} below {parent}"
+                        yield Remembered(mark=f"{CATALOGUE} {name}", name=name, owner=each.id, item=parent)
             case Dut():
                 for event in each.events:
                     name = f"{each.serial}: {event.kind} on {event.date}"
