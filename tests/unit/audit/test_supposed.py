@@ -117,7 +117,7 @@ def test_an_instrument_that_is_taken_out_of_the_register_reopens(folders, tmp_pa
     """Nobody can say any more whether it was in calibration."""
     file = tmp_path / "instruments.yaml"
     text = (folders.fixtures / "instruments.yaml").read_text(encoding="utf-8")
-    file.write_text(text.replace("PSU-01:", "PSU-02:"), encoding="utf-8")
+    file.write_text(text.replace("PSU-01:", "PSU-09:"), encoding="utf-8")
     assert reopened(closed(folders), folders, file) == {"T-010": ["STALE_CAL"]}
 
 

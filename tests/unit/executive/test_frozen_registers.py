@@ -13,6 +13,13 @@ from hil.executive.setup.configuration import Request, configure
 from hil.executive.setup.head import freeze
 from hil.model.identity import Source
 
+OWN = """    calibration:
+      certificate: certificates/tec1.txt
+      due: "2027-09-30"
+      ranges:
+      - {quantity: temperature, unit: degC, from: "-30", to: "60", absolute: "0.2"}
+"""
+"""The calibration of an instrument that is in no register."""
 EVENT = 'events: [{kind: repair, date: "2026-05-02", text: New leads, reference: NCR-1, reverify: true}],\n   title'
 
 
@@ -24,9 +31,11 @@ def test_registers_are_frozen_with_what_the_bench_uses(tmp_path):
     shutil.copy(ROOT / "testplans/requirements.yaml", root / "testplans")
     (root / "hil.toml").touch()
     duts = root / "fixtures/duts.yaml"
-    head, found, tail = duts.read_text(encoding="utf-8").rpartition("title")
-    assert found
-    duts.write_text(f"{head}{EVENT}{tail}", encoding="utf-8")
+    text, title = duts.read_text(encoding="utf-8"), 'title: "Lithium'
+    assert title in text
+    duts.write_text(text.replace(title, f"{EVENT}{title.removeprefix('title')}"), encoding="utf-8")
+    bench = root / "fixtures/benches/battery/bench.yaml"
+    bench.write_text(bench.read_text(encoding="utf-8").replace("    register: TEC-01\n", OWN), encoding="utf-8")
     package = tmp_path / "package"
     (package / "data").mkdir(parents=True)
     request = Request(start=root, plans=("battery_charge",), bench="battery", dut="SIM-BAT-1", source=Source.SIMULATED)
@@ -43,5 +52,9 @@ def test_registers_are_frozen_with_what_the_bench_uses(tmp_path):
     assert len(psu1.ranges) == 2
     assert (tec1.register, tec1.certificate, tec1.due) == ("", "certificates/tec1.txt", "2027-09-30")
     assert tec1.sha256 == hashlib.sha256((package / "data/bench/certificates/tec1.txt").read_bytes()).hexdigest()
+    for name, entry in (("cycler1", "TESTER-01"), ("psu2", "PSU-02")):
+        file = f"data/registers/benches/battery/certificates/{name}.txt"
+        found = FrozenCalibration(**records[name])
+        assert (found.register, found.sha256) == (entry, hashlib.sha256((package / file).read_bytes()).hexdigest())
     (event,) = json.loads((package / "data/dut.json").read_bytes())["events"]
     assert (event["kind"], event["date"], event["reverify"]) == ("repair", "2026-05-02", True)
