@@ -20,7 +20,7 @@ requirements:
 - {id: PWR-020, rev: 1, text: The load shall draw 1.5 A., kind: limit, method: test,
    limits: [{parameter: current, unit: A, min: "1.49", max: "1.51", decision: guarded}]}
 - {id: PWR-030, rev: 1, text: The rail shall be recorded., kind: record, method: test,
-   records: {recording: steps, channels: [supply.vbat.voltage, multimeter.rail.voltage], rate: 4 Hz, max_gap: 0.5 s}}
+   records: {recording: steps, channels: [supply.vbat.voltage, multimeter.rail.voltage], max_gap: 0.5 s}}
 """
 
 

@@ -20,6 +20,7 @@ HilError                      anything a person can cause or must know; never a 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 __all__ = [
@@ -81,7 +82,26 @@ class ConfigurationError(HilError):
 
     def __init__(self, findings: tuple[Finding, ...]) -> None:
         self.findings = tuple(sorted(findings))
-        super().__init__("\n".join(str(finding) for finding in self.findings))
+        super().__init__("\n".join(_told(self.findings)))
+
+
+_UNQUOTED = ", write it in quotes: "
+_MOST_UNQUOTED = 5
+
+
+def _told(findings: tuple[Finding, ...]) -> Iterator[str]:
+    """Give a line per finding; where many values of a file only lack quotes, the others are told in one."""
+    unquoted: dict[str, list[int]] = {}
+    for finding in findings:
+        lines = unquoted.setdefault(finding.path, [])
+        if _UNQUOTED in finding.message:
+            lines.append(finding.line)
+        if _UNQUOTED not in finding.message or len(lines) <= _MOST_UNQUOTED:
+            yield str(finding)
+    for path, lines in unquoted.items():
+        if more := lines[_MOST_UNQUOTED:]:
+            places = ", ".join(map(str, dict.fromkeys(more)))
+            yield f"{path}: {len(more)} more values without quotes, in lines {places}; write each in quotes"
 
 
 class Refused(HilError):

@@ -205,3 +205,17 @@ def test_an_oversized_file_is_not_read_whole(tmp_path):
     findings = Findings()
     assert read_yaml(file, "large.yaml", findings) is None
     assert "larger than" in str(next(iter(findings)))
+
+
+def test_many_values_without_quotes_are_told_together():
+    """The first ones with their places, the others with their lines; everything else stands by itself."""
+    findings = Findings()
+    parse_yaml("".join(f"key{number}: {number}.5\n" for number in range(30)).encode() + b"x: yes\n", "a.yaml", findings)
+    with pytest.raises(ConfigurationError) as caught:
+        findings.raise_if_any()
+    *first, flag, rest = str(caught.value).splitlines()
+    assert len(caught.value.findings) == 31
+    assert first[4] == 'a.yaml:5:7: `4.5` would lose its digits as a number, write it in quotes: "4.5"'
+    assert len(first) == 5
+    assert flag.startswith("a.yaml:31:4: `yes` is a flag")
+    assert rest.startswith("a.yaml: 25 more values without quotes, in lines 6, 7, 8,")
