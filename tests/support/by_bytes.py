@@ -14,6 +14,7 @@ from facing import facing
 
 from hil.instruments.cycler.tester import BatteryCycler
 from hil.instruments.eurotherm_3216 import Eurotherm3216
+from hil.instruments.keysight_33500 import Keysight33500
 from hil.instruments.keysight_e36300 import KeysightE36300
 from hil.instruments.keysight_single import KeysightE3632a, KeysightE36100
 from hil.instruments.korad_ka3005p import KoradKa3005p
@@ -29,6 +30,7 @@ from hil.model.bench import Clamp, Proof, Wire
 from hil.simulation.peers.cycler.firmware import MODEL as CYCLER
 from hil.simulation.peers.esp301.controller import MODEL as ESP301
 from hil.simulation.peers.eurotherm.controller import MODEL as EUROTHERM
+from hil.simulation.peers.keysight_33500 import MODEL as GENERATOR
 from hil.simulation.peers.keysight_e36312a import MODEL as KEYSIGHT
 from hil.simulation.peers.keysight_single import E3632A, E36103B
 from hil.simulation.peers.korad_ka3005p import MODEL as KORAD
@@ -39,6 +41,7 @@ from hil.simulation.peers.rohde_schwarz_hmp import HMP, NGE100
 from hil.simulation.peers.siglent_spd3303x import MODEL as SIGLENT
 from hil.simulation.peers.waveshare_relay import MODEL as WAVESHARE
 from hil.simulation.plants.power_feed import build as rail
+from hil.simulation.plants.signal_node import SignalNode
 from hil.simulation.truth import Truth
 from hil.wire.exchange import find_stream
 
@@ -208,6 +211,11 @@ def _drive_table(rig):
     rig.role.set_rate(-25.5)
 
 
+def _drive_generator(rig):
+    rig.role.configure("sine", 100.0, 2.0, 0.5)
+    rig.role.enable()
+
+
 def _drive_load(rig):
     rig.role.constant_current(1.0)
     rig.role.enable()
@@ -337,6 +345,17 @@ BY_BYTES = {
         truth={"sensor_noise": "0"},
         connects={"sensor": "chamber.plate", "drive": "chamber.tec", "ambient": "chamber.ambient"},
         make_plant=chamber,
+    ),
+    "keysight-33500": Kind(
+        model=GENERATOR,
+        driver=Keysight33500,
+        wire=Wire(role="function_generator", instance="", instrument="device", channel=1),
+        state="off",
+        drive=_drive_generator,
+        on=lambda rig: {"output"} if rig.plant.inputs["drive"] else set(),
+        proof=_proof("supply.coil", "voltage", "V", 0.2),
+        connects={"1": "node.drive"},
+        make_plant=lambda: SignalNode("node", 10**7),
     ),
     "rigol-dl3021": Kind(
         model=LOAD,

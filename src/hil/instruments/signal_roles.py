@@ -105,16 +105,21 @@ class FunctionGenerator(Protocol):
         """Return whether the instrument says that the output is on."""
         ...
 
+    @reads
+    def peak(self) -> Annotated[Figure, "V"]:
+        """Return the largest voltage away from zero that its settings give [V], whether or not it is on."""
+        ...
+
 
 DATA_ACQUISITION = Role(name="data_acquisition", protocol=DataAcquisition)
 
 FUNCTION_GENERATOR = Role(
     name="function_generator",
     protocol=FunctionGenerator,
-    quantities={"voltage": "V", "frequency": "Hz"},
+    quantities={"peak": "V"},
     states={"off": "disable"},
     hazardous=True,
-    clamped=("voltage",),
+    clamped=("peak",),
 )
 
 OSCILLOSCOPE = Role(name="oscilloscope", protocol=Oscilloscope, part="channel")
