@@ -15,6 +15,7 @@ __all__ = [
     "Compliance",
     "Document",
     "Evidence",
+    "Exempted",
     "Gap",
     "GapKind",
     "Inputs",
@@ -137,6 +138,7 @@ class Evidence(msgspec.Struct, frozen=True, kw_only=True):
         eligible: whether the run's own results say that it can close the requirement.
         closes: whether every condition holds for it now, so that it closes the requirement.
         reasons: why it does not, each with its code.
+        exceptions: the instruments of the run that count as hardware by the word of the bench file alone.
     """
 
     package: str
@@ -151,6 +153,21 @@ class Evidence(msgspec.Struct, frozen=True, kw_only=True):
     eligible: bool
     closes: bool
     reasons: tuple[Reason, ...] = ()
+    exceptions: tuple[str, ...] = ()
+
+
+class Exempted(msgspec.Struct, frozen=True, kw_only=True, order=True):
+    """An instrument of a run that counts as hardware although nothing but the bench file says so.
+
+    Attributes:
+        package: the folder of the run's package.
+        instrument: its name.
+        reason: why, as the bench file declares it.
+    """
+
+    package: str
+    instrument: str
+    reason: str
 
 
 class OnHardware(msgspec.Struct, frozen=True, kw_only=True):
@@ -293,6 +310,7 @@ class Summary(msgspec.Struct, frozen=True, kw_only=True):
         elsewhere: how many open requirements have evidence from simulated benches or replays.
         on_hardware: ids of those of them that the same runs on hardware would close.
         left_open: what would keep the others open on hardware, and how many of them.
+        by_exception: how many requirements are closed by a run in which an exception was declared.
         waived: ids of those that are closed by waivers.
     """
 
@@ -305,6 +323,7 @@ class Summary(msgspec.Struct, frozen=True, kw_only=True):
     elsewhere: int = 0
     on_hardware: tuple[str, ...] = ()
     left_open: Mapping[str, int] = {}
+    by_exception: int = 0
     waived: tuple[str, ...] = ()
 
 
@@ -321,6 +340,7 @@ class Document(msgspec.Struct, frozen=True, kw_only=True):
         rows: a row per requirement, by id.
         gaps: everything that is missing, by kind and name.
         problems: packages that cannot be used, and what is wrong with the ledger, a sentence each.
+        exceptions: what counts as hardware by the word of a bench file alone, by package and instrument.
     """
 
     format: int
@@ -332,6 +352,7 @@ class Document(msgspec.Struct, frozen=True, kw_only=True):
     rows: tuple[Row, ...]
     gaps: tuple[Gap, ...]
     problems: tuple[str, ...] = ()
+    exceptions: tuple[Exempted, ...] = ()
 
 
 def summary_of(rows: Sequence[Row], gaps: Sequence[Gap]) -> Summary:
@@ -351,6 +372,7 @@ def summary_of(rows: Sequence[Row], gaps: Sequence[Gap]) -> Summary:
         on_hardware=tuple(row.id for row, would in elsewhere if not would.reasons),
         left_open=_left_open(would for _, would in elsewhere),
         waived=tuple(row.id for row in rows if row.waiver),
+        by_exception=sum(each.package == row.closed_by for row in rows for each in row.evidence if each.exceptions),
     )
 
 

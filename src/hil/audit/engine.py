@@ -15,6 +15,7 @@ from hil.audit.document import (
     Compliance,
     Document,
     Evidence,
+    Exempted,
     Gap,
     GapKind,
     Inputs,
@@ -85,6 +86,7 @@ def audit(world: World) -> Document:
         rows=ordered,
         gaps=gaps,
         problems=(*world.problems, *_problems(packages, book)),
+        exceptions=tuple(sorted(_exceptions(packages))),
     )
 
 
@@ -252,6 +254,7 @@ def _evidence(claim: Claim) -> Evidence:
         eligible=result.eligible,
         closes=not reasons,
         reasons=reasons,
+        exceptions=tuple(instrument for instrument, _ in package.exceptions),
     )
 
 
@@ -378,6 +381,12 @@ def _gaps(rows: Sequence[Row], packages: Sequence[Package], world: World) -> Ite
         for identifier in package.results:
             if identifier not in known:
                 yield Gap(kind=GapKind.NOT_IN_CATALOGUE, name=identifier, where=package.folder)
+
+
+def _exceptions(packages: Sequence[Package]) -> Iterator[Exempted]:
+    for package in packages:
+        for instrument, reason in package.exceptions:
+            yield Exempted(package=package.folder, instrument=instrument, reason=reason)
 
 
 def _problems(packages: Sequence[Package], book: Ledgered) -> Iterator[str]:

@@ -141,6 +141,7 @@ class Package(msgspec.Struct, frozen=True, kw_only=True):
         instruments: its instruments by name.
         results: what it says of each requirement, by id.
         orphans: its cases without requirement.
+        exceptions: instrument and declared reason of what counts as hardware by the word of the bench file alone.
     """
 
     folder: str
@@ -168,6 +169,7 @@ class Package(msgspec.Struct, frozen=True, kw_only=True):
     instruments: Mapping[str, Instrument] = {}
     results: Mapping[str, Result] = {}
     orphans: tuple[str, ...] = ()
+    exceptions: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

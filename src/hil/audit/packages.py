@@ -22,7 +22,7 @@ from hil.evidence.package.verification import State, verify
 from hil.evidence.results.derived import results_of
 from hil.evidence.results.eligibility import of_simulation
 from hil.evidence.results.facts import FrozenCalibration, read_json
-from hil.evidence.results.outcome import write_outcome
+from hil.evidence.results.outcome import EXCEPTION, write_outcome
 from hil.evidence.runs import run_folders
 from hil.model.errors import EvidenceError, HilError
 from hil.model.identity import Source
@@ -189,7 +189,16 @@ def _told(folder: Path, package: Package) -> Package:
         instruments=calibration,
         results=dict(_results(said, _fingerprints(folder), run.source, unit=simulated)),
         orphans=tuple(case.case for case in said.cases if not case.requirements),
+        exceptions=tuple(_exceptions(said.conditions or ())),
     )
+
+
+def _exceptions(conditions: Iterable[_Condition]) -> Iterator[tuple[str, str]]:
+    """Give instrument and reason of every exception that the run declared."""
+    for each in conditions:
+        if each.name == EXCEPTION:
+            instrument, _, why = each.text.removeprefix("EXCEPTION: ").partition(": ")
+            yield instrument, why
 
 
 def _calibration(folder: Path) -> dict[str, Instrument]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import msgspec
 
@@ -27,10 +27,12 @@ COLUMNS = (
     "reasons",
     "on hardware",
     "records",
+    "exceptions",
 )
-"""The columns of the table; traceability, and level and stage, have two each. The last two
-say what would keep the requirement open if its newest simulated run were made on hardware, and
-what its waivers and nonconformance reports say."""
+"""The columns of the table; traceability, and level and stage, have two each. The last three
+say what would keep the requirement open if its newest simulated run were made on hardware,
+what its waivers and nonconformance reports say, and which instruments behind its evidence
+count as hardware by the word of a bench file alone."""
 
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")
 """How a cell begins that a spreadsheet would compute."""
@@ -46,11 +48,15 @@ def as_csv(document: Document) -> bytes:
     written = io.StringIO()
     lines = csv.writer(written, lineterminator="\r\n")
     lines.writerow(COLUMNS)
-    lines.writerows([_guarded(cell) for cell in _cells(row)] for row in document.rows)
+    exceptions: dict[str, list[str]] = {}
+    for each in document.exceptions:
+        told = f"EXCEPTION: {each.package}: {each.instrument}: {each.reason}"
+        exceptions.setdefault(each.package, []).append(told)
+    lines.writerows([_guarded(cell) for cell in _cells(row, exceptions)] for row in document.rows)
     return written.getvalue().encode()
 
 
-def _cells(row: Row) -> tuple[str, ...]:
+def _cells(row: Row, exceptions: Mapping[str, Sequence[str]]) -> tuple[str, ...]:
     planning = row.planning
     named = " ".join(part for part in (planning.document, planning.issue) if part)
     plan = (part for part in (planning.plan, named, planning.place, *planning.cases) if part)
@@ -69,6 +75,7 @@ def _cells(row: Row) -> tuple[str, ...]:
         _lines(_reasons(row)),
         _on_hardware(row),
         _lines(row.records),
+        _lines(told for each in row.evidence if each.exceptions for told in exceptions[each.package]),
     )
 
 

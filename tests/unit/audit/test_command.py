@@ -44,9 +44,13 @@ def test_what_is_open_is_told_in_the_last_lines_and_by_strict(capsys):
     code, out, err = audit(capsys)
     assert (code, err) == (0, "")
     told = out.splitlines()
-    assert told[0] == "workspace: 6 requirements, 0 closed, 6 open"
+    assert told[0] == "workspace: 0 of 6 requirements closed, 6 open"
     assert told[1] == "compliance: 0 yes, 0 partial, 6 no"
-    assert told[2:4] == ["open because", "  6  NO_EVIDENCE  no package has evidence for it"]
+    assert told[3:6] == [
+        "Open because (a requirement may be open for several reasons)",
+        "  Evidence is not enough",
+        "    6  NO_EVIDENCE  no package has evidence for it",
+    ]
     assert audit(capsys, "--strict") == (1, out, "")
 
 
@@ -66,7 +70,7 @@ def test_a_damaged_ledger_is_damage(capsys, workspace):
     file.write_bytes(file.read_bytes().replace(b'"FM-1"', b'"FM-2"'))
     code, out, _ = audit(capsys)
     assert code == 2
-    assert "problem: .ledger/ledger.jsonl:2:1: the line was changed" in out
+    assert "Not usable\n  .ledger/ledger.jsonl:2:1: the line was changed" in out
 
 
 def test_a_file_that_is_wrong_ends_the_audit(capsys, workspace):
@@ -110,7 +114,7 @@ def test_what_was_recorded_can_be_asked_for_later(capsys, workspace):
     assert audit(capsys, "--record") == (0, before, "recorded: 0 baselines, 0 changes of status\n")
     day = entries[-1].utc[:10]
     told = audit(capsys, "--as-of", day)[1].splitlines()
-    assert told[0] == f"workspace at the end of {day}: 6 requirements, 0 closed, 6 open"
+    assert told[0] == f"workspace at the end of {day}: 0 of 6 requirements closed, 6 open"
     assert told[1:4] == before.splitlines()[1:4]
 
 
@@ -120,7 +124,7 @@ def test_files_are_written_where_they_are_wanted(capsys, workspace):
     formats = [word for each in ("csv", "html", "json", "xlsx") for word in ("--format", each)]
     code, out, _ = audit(capsys, *formats, "--output", str(output))
     assert code == 0
-    assert out.startswith("workspace: 6 requirements")
+    assert out.startswith("workspace: 0 of 6 requirements closed")
     assert sorted(each.name for each in output.iterdir()) == ["audit.csv", "audit.html", "audit.json", "audit.xlsx"]
     for form in ("csv", "json"):
         assert audit(capsys, "--format", form)[1].encode() == (output / f"audit.{form}").read_bytes()

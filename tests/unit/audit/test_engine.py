@@ -11,10 +11,12 @@ import msgspec
 import pytest
 from audited import ASKED, PARENT, changed_package, closed_world, codes, package, result, row, seal_of, world_of
 
+from hil.audit.document import Code
 from hil.audit.engine import audit
 from hil.audit.inputs import Policy
 from hil.audit.ledgered import DISPOSITION
 from hil.audit.pages.page import as_html
+from hil.audit.pages.terminal import GROUPS, as_lines
 from hil.audit.pages.workbook import as_xlsx
 from hil.audit.tables import as_csv, as_json
 from hil.evidence.ledger.entries import Head
@@ -343,3 +345,39 @@ def test_counts():
     assert (summary.requirements, summary.closed, summary.open) == (2, 0, 2)
     assert summary.reasons == {"NO_VERDICT": 1, "FAILED": 2, "CHILD_OPEN": 1}
     assert summary.compliance == {"yes": 0, "partial": 0, "no": 2}
+
+
+def test_every_form_of_the_document_tells_what_stands_for_hardware():
+    """The requirement is closed, and nobody overlooks by whose word its instrument is hardware."""
+    reason = "socket://localhost:1 stands for hardware: a bridge"
+    world = world_of([package(exceptions=(("dmm", reason),)), package("run-2", "2026-06-02")])
+    document = audit(world)
+    assert [(each.package, each.instrument, each.reason) for each in document.exceptions] == [("run-1", "dmm", reason)]
+    assert [each.exceptions for each in row(document).evidence] == [("dmm",), ()]
+    assert document.summary.by_exception == 0  # the newer package closes it without one
+    alone = audit(world_of([package(exceptions=(("dmm", reason),))]))
+    assert (row(alone).close_out, alone.summary.by_exception) == ("closed", 1)
+    assert json.loads(as_json(alone))["exceptions"] == [{"instrument": "dmm", "package": "run-1", "reason": reason}]
+    assert f"EXCEPTION: run-1: dmm: {reason}" in as_csv(alone).decode()
+    page = "".join(as_html(alone, "reports"))
+    assert f"run-1: dmm: {reason}" in page
+    assert "EXCEPTION: dmm" in page
+    told = "\n".join(as_lines(alone))
+    assert f"  run-1\n    dmm: {reason}" in told
+    assert "1 requirement is closed by such runs" in told
+    with zipfile.ZipFile(io.BytesIO(as_xlsx(alone))) as book:
+        summary, evidence = (book.read(f"xl/worksheets/sheet{number}.xml").decode() for number in (1, 3))
+    assert f"run-1: dmm: {reason}" in summary
+    assert "<t>dmm</t>" in evidence
+
+
+def test_every_code_has_one_place_on_the_terminal():
+    """Nothing that keeps a requirement open is left out, or told twice."""
+    assert sorted(code for codes in GROUPS.values() for code in codes) == sorted(Code)
+
+
+def test_the_terminal_keeps_to_its_width():
+    """Sentences are wrapped, the worst group comes first, and what follows a count is aligned."""
+    told = list(as_lines(audit(world_of([package(results=FAIL)]))))
+    assert max(map(len, told)) <= 80
+    assert told.index("  Failed on hardware") < told.index("  Evidence is not enough")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from evidence_runs import sealed_run
+from evidence_runs import begin, sealed_run, whole_case, write_report
 from typed_events import event_of
 
 from hil.audit.cache import Cache
@@ -13,6 +13,7 @@ from hil.evidence.folder import JOURNAL, RESULTS, TRANSCRIPT
 from hil.evidence.journal.writer import Journal
 from hil.evidence.ledger.book import append, head, ledger_file
 from hil.evidence.ledger.entries import Head
+from hil.evidence.package.sealing import seal
 
 RUN = "20261121T093100Z-flight-SN1-ab12cd"
 
@@ -59,6 +60,20 @@ def test_a_ledger_that_was_cut_back_is_found_by_its_published_head(tmp_path):
         (said,) = read_world(folders, Cache(None, ""), version="1", published_head=published).problems
         assert "no line has the published head" in said
         path.unlink(missing_ok=True)
+
+
+def test_what_stands_for_hardware_is_read_with_its_instrument_and_its_reason(tmp_path):
+    """A port of this computer counts as hardware by the bench file's word; the audit knows which, and why."""
+    (tmp_path / RUN).mkdir()
+    journal = begin(tmp_path / RUN)
+    port = "socket://localhost:1 stands for hardware: a bridge"
+    journal.write(
+        event_of("host-gate", name="source of psu2", ok=True, detail="", instrument="psu2", exception=port), 0.0
+    )
+    whole_case(tmp_path / RUN, journal)
+    seal(tmp_path / RUN, journal, exit_code=0, write_reports=write_report)
+    (package,) = read_packages(tmp_path, Cache(None, ""))
+    assert package.exceptions == (("psu2", port),)
 
 
 @pytest.mark.parametrize("cut", [False, True])

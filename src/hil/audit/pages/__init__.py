@@ -1,1 +1,1 @@
-"""An audit's document for people: one HTML page, and a workbook."""
+"""An audit's document for people: lines of a terminal, one HTML page, and a workbook."""

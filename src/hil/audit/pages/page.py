@@ -8,37 +8,20 @@ from __future__ import annotations
 
 import base64
 import hashlib
-import re
 from collections.abc import Iterable, Iterator, Sequence
 from functools import cache
 from itertools import groupby
 from pathlib import Path
-from urllib.parse import quote
 
-from hil.audit.document import (
-    CloseOut,
-    Code,
-    Compliance,
-    Document,
-    Evidence,
-    Gap,
-    GapKind,
-    OnHardware,
-    Reason,
-    Row,
-    Summary,
-)
+from hil.audit.document import CloseOut, Code, Compliance, Document, Evidence, Gap, GapKind, OnHardware, Reason, Row
+from hil.audit.pages.markup import anchor, escaped, link, plain, quoted
+from hil.audit.pages.overview import TONES, overview
 
 __all__ = ["as_html"]
 
 _FOLDER = Path(__file__).parent
 _ROWS = 100  # of one table: a browser lays out only those that are looked at
 _REPORT = "data/report/report.html"
-# Controls, and marks that reorder or hide text: they are shown by their number, never obeyed.
-_UNSAFE = re.compile(
-    "[&<>\"'\x00-\x08\x0b-\x1f\x7f-\x9f\xad\u061c\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff\ufff9-\ufffb\ud800-\udfff]"
-)
-_ESCAPED = {"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;", "'": "&#39;"}
 
 _GAPS = {
     GapKind.WITHOUT_CASE: "Requirements without a case",
@@ -46,7 +29,6 @@ _GAPS = {
     GapKind.WITHOUT_CHILDREN: "Parents without a requirement below them",
     GapKind.NOT_IN_CATALOGUE: "Evidence for requirements that the catalogue does not have",
 }
-_TONES = {Compliance.YES: "good", Compliance.PARTIAL: "open", Compliance.NO: "bad"}
 _GOOD = frozenset({"PASS", "RECORDED"})
 _COLUMNS = ("Requirement", "Text", "Traceability", "Level, stage", "Method", "Planning", "Evidence")
 _STATUS = ("Compliance", "Close-out", "Reasons")
@@ -63,27 +45,12 @@ def as_html(document: Document, reports: str) -> Iterator[str]:
     """
     yield _top(document)
     yield "<main>"
-    yield from _summary(document)
-    yield from _requirements(document.rows, _quoted(reports.rstrip("/")) + "/" if reports else "")
+    yield from overview(document)
+    yield from _requirements(document.rows, quoted(reports.rstrip("/")) + "/" if reports else "")
     yield from _gaps(document.gaps)
     yield from _inputs(document)
     yield "</main>"
     yield _bottom(document)
-
-
-def _text(text: str) -> str:
-    """Return a text that is no markup; a mark that hides or reorders text is shown by its number."""
-    return _UNSAFE.sub(_escaped, text)
-
-
-def _escaped(match: re.Match[str]) -> str:
-    mark = match[0]
-    return _ESCAPED.get(mark) or f'<span class="unseen">U+{ord(mark):04X}</span>'
-
-
-def _plain(text: str) -> str:
-    """Return a text for an attribute or a title, in which no element may stand."""
-    return _UNSAFE.sub(lambda match: _ESCAPED.get(match[0]) or f"U+{ord(match[0]):04X}", text)
 
 
 @cache
@@ -94,7 +61,7 @@ def _asset(name: str) -> str:
 def _top(document: Document) -> str:
     script = base64.b64encode(hashlib.sha256(_asset("page.js").encode()).digest()).decode()
     policy = f"default-src 'none'; style-src 'unsafe-inline'; script-src 'sha256-{script}'"
-    name = _plain(document.workspace)
+    name = plain(document.workspace)
     summary = document.summary
     title = f"{summary.closed} of {summary.requirements} closed · {name}"
     return (
@@ -109,75 +76,8 @@ def _top(document: Document) -> str:
 
 def _state(document: Document) -> str:
     return (
-        f"State at the end of {_text(document.as_of)} UTC" if document.as_of else "State of the files as they are now"
+        f"State at the end of {escaped(document.as_of)} UTC" if document.as_of else "State of the files as they are now"
     )
-
-
-def _summary(document: Document) -> Iterator[str]:
-    summary = document.summary
-    share = 100 * summary.closed / summary.requirements if summary.requirements else 0.0
-    whole = summary.requirements > 0 and summary.open == 0
-    yield f"<h1>{_text(document.workspace)}</h1>\n"
-    yield (
-        f'<section class="verdict {"good" if whole else "open"}" aria-label="Summary">'
-        f'<p class="word">{summary.closed:,}<span class="of"> of {summary.requirements:,} closed</span></p>'
-        f'<div class="bar" role="img" aria-label="{share:.0f} % closed"><span style="width:{share:.2f}%"></span></div>'
-        '<ul class="tally">'
-    )
-    yield f"<li><b>{summary.open:,}</b> open</li>"
-    if summary.waived:
-        yield f'<li class="open"><b>{len(summary.waived):,}</b> closed by waivers</li>'
-    for each in Compliance:
-        count = summary.compliance.get(each.value, 0)
-        yield f'<li class="{_TONES[each]}"><b>{count:,}</b> compliance {each.value}</li>'
-    yield "</ul></section>\n"
-    yield from _problems(document.problems)
-    yield from _why(document)
-    if summary.elsewhere:
-        yield from _elsewhere(summary)
-
-
-def _elsewhere(summary: Summary) -> Iterator[str]:
-    """Yield what the simulated runs would close on hardware, and what would keep the others open."""
-    names = [_link(name) for name in summary.on_hardware]
-    count = f"{len(names):,}" if names else "none"
-    asked = f"{summary.elsewhere:,} requirement{'' if summary.elsewhere == 1 else 's'}"
-    yield f"<details><summary>The same runs on hardware, on a unit of their stage, would close {count} of the {asked} "
-    yield "that simulated runs speak for</summary>"
-    if names:
-        yield f"<p>{', '.join(names)}</p>"
-    if summary.left_open:
-        lines = (f'<tr><td>{_text(text)}</td><td class="num">{n:,}</td></tr>' for text, n in summary.left_open.items())
-        yield '<table><thead><tr><th scope="col">Others would stay open because</th><th scope="col" class="num">'
-        yield f"Requirements</th></tr></thead><tbody>{''.join(lines)}</tbody></table>"
-    yield "</details>\n"
-
-
-def _problems(problems: Sequence[str]) -> Iterator[str]:
-    if problems:
-        lines = "".join(f"<li>{_text(each)}</li>" for each in problems)
-        yield f'<section class="notice" aria-label="Problems"><strong>Not usable</strong><ul>{lines}</ul></section>\n'
-
-
-def _why(document: Document) -> Iterator[str]:
-    counts = document.summary.reasons
-    found = sorted(((count, code) for code, count in counts.items() if count), key=lambda each: (-each[0], each[1]))
-    if not found:
-        return
-    most = found[0][0]
-    yield (
-        '<h2 id="why">Why requirements are open</h2>\n'
-        '<p class="soft">A requirement may be open for several reasons.</p>'
-        '<table class="why"><thead><tr><th scope="col">Reason</th><th scope="col">What it means</th>'
-        '<th scope="col" class="num">Requirements</th><th scope="col" class="track"></th></tr></thead><tbody>\n'
-    )
-    for count, code in found:
-        link = f'<a class="code" href="#requirements" data-code="{_plain(code)}">{_text(code)}</a>'
-        yield (
-            f'<tr><th scope="row">{link}</th><td>{_text(Code(code).meaning)}</td><td class="num">{count:,}</td>'
-            f'<td class="track"><span style="width:{100 * count / most:.1f}%"></span></td></tr>\n'
-        )
-    yield "</tbody></table>\n"
 
 
 def _requirements(rows: Sequence[Row], reports: str) -> Iterator[str]:
@@ -204,18 +104,6 @@ def _filters(codes: Iterable[Code]) -> str:
     )
 
 
-def _quoted(text: str) -> str:
-    return quote(text, errors="surrogatepass")  # a folder may have any bytes for a name
-
-
-def _anchor(name: str) -> str:
-    return f"r-{_quoted(name)}"
-
-
-def _link(name: str) -> str:
-    return f'<a href="#{_quoted(_anchor(name))}">{_text(name)}</a>'
-
-
 class _Rows:
     """Writes rows; what many rows share is made once."""
 
@@ -227,26 +115,26 @@ class _Rows:
     def row(self, row: Row) -> str:
         """Return one requirement with the ten columns of a verification control document."""
         codes = " ".join(sorted({reason.code for reason in row.reasons}))
-        stage = "<br>".join(_text(each) for each in (row.level, row.stage) if each) or _MISSING
+        stage = "<br>".join(escaped(each) for each in (row.level, row.stage) if each) or _MISSING
         tone = "good" if row.closed else "open"
         return (
-            f'<tr id="{_anchor(row.id)}" data-s="{row.close_out.value} {row.compliance.value} {codes}">'
-            f'<th scope="row">{_text(row.id)}<span class="soft"> rev {row.rev}</span></th>'
-            f"<td>{_text(row.text)}{_anomaly(row)}</td><td>{self._traces(row)}</td><td>{stage}</td>"
-            f"<td>{_text(row.method)}<br><span class='soft'>{_text(row.kind)}</span></td><td>{_planning(row)}</td>"
+            f'<tr id="{anchor(row.id)}" data-s="{row.close_out.value} {row.compliance.value} {codes}">'
+            f'<th scope="row">{escaped(row.id)}<span class="soft"> rev {row.rev}</span></th>'
+            f"<td>{escaped(row.text)}{_anomaly(row)}</td><td>{self._traces(row)}</td><td>{stage}</td>"
+            f"<td>{escaped(row.method)}<br><span class='soft'>{escaped(row.kind)}</span></td><td>{_planning(row)}</td>"
             f"<td>{self._references(row)}</td>"
-            f'<td><span class="badge {_TONES[row.compliance]}">{row.compliance.value}</span></td>'
+            f'<td><span class="badge {TONES[row.compliance]}">{row.compliance.value}</span></td>'
             f'<td><span class="badge {tone}">{row.close_out.value}</span></td><td>{self._reasons(row)}</td></tr>\n'
         )
 
     def _traces(self, row: Row) -> str:
         parts = [f'<li title="serves">↑ {self._name(each)}</li>' for each in row.parents]
         parts += [f'<li title="is served by">↓ {self._name(each)}</li>' for each in row.children]
-        source = f'<span class="soft">{_text(row.source)}</span>' if row.source else ""
+        source = f'<span class="soft">{escaped(row.source)}</span>' if row.source else ""
         return (f"<ul>{''.join(parts)}</ul>{source}" if parts else source) or _MISSING
 
     def _name(self, name: str) -> str:
-        return _link(name) if name in self._known else _text(name)
+        return link(name) if name in self._known else escaped(name)
 
     def _references(self, row: Row) -> str:
         if not row.evidence:
@@ -255,11 +143,13 @@ class _Rows:
 
     def _reference(self, each: Evidence, row: Row) -> str:
         tone = "good" if each.verdict in _GOOD else "bad" if each.verdict == "FAIL" else "open"
-        source = f' <b class="open">{_text(each.source.upper())}</b>' if each.source != "hardware" else ""
+        source = f' <b class="open">{escaped(each.source.upper())}</b>' if each.source != "hardware" else ""
         counts = " · <b class='good'>closes it</b>" if each.closes and each.package == row.closed_by else ""
-        unit = f" · {_text(each.dut)}" if each.dut else ""
+        unit = f" · {escaped(each.dut)}" if each.dut else ""
+        if each.exceptions:
+            source += f' <b class="bad">EXCEPTION: {escaped(", ".join(each.exceptions))}</b>'
         return (
-            f'<li><b class="{tone}">{_text(each.verdict)}</b> {_text(each.date[:10])}{unit}{source}{counts}<br>'
+            f'<li><b class="{tone}">{escaped(each.verdict)}</b> {escaped(each.date[:10])}{unit}{source}{counts}<br>'
             f"{self._package(each.package)}</li>"
         )
 
@@ -279,9 +169,9 @@ class _Rows:
         return f"<ul>{''.join(lines)}</ul>{_records(row)}{_on_hardware(row.on_hardware)}"
 
     def _told(self, reason: Reason) -> str:
-        told = _text(reason.text)
+        told = escaped(reason.text)
         if reason.origin and reason.text.startswith(f"{reason.origin} "):
-            told = f"{self._name(reason.origin)}{_text(reason.text.removeprefix(reason.origin))}"
+            told = f"{self._name(reason.origin)}{escaped(reason.text.removeprefix(reason.origin))}"
         elif reason.origin:
             told = f'{told} <span class="soft">from {self._name(reason.origin)}</span>'
         return told
@@ -289,8 +179,8 @@ class _Rows:
     def _package(self, folder: str) -> str:
         found = self._packages.get(folder)
         if found is None:
-            link = f"{self._reports}{_quoted(folder)}/{_REPORT}"
-            found = self._packages[folder] = f'<a class="package" href="{_plain(link)}">{_text(folder)}</a>'
+            link = f"{self._reports}{quoted(folder)}/{_REPORT}"
+            found = self._packages[folder] = f'<a class="package" href="{plain(link)}">{escaped(folder)}</a>'
         return found
 
 
@@ -300,8 +190,8 @@ _MISSING = '<span class="missing">none</span>'
 
 def _records(row: Row) -> str:
     """Return by which waiver a row is closed, and what waivers and closed nonconformance reports say."""
-    by = f'<b class="open">closed by waiver {_text(row.waiver)}</b>' if row.waiver else ""
-    lines = "".join(f"<li>{_text(each)}</li>" for each in row.records)
+    by = f'<b class="open">closed by waiver {escaped(row.waiver)}</b>' if row.waiver else ""
+    lines = "".join(f"<li>{escaped(each)}</li>" for each in row.records)
     return f'{by}<ul class="soft">{lines}</ul>' if lines else by
 
 
@@ -311,22 +201,22 @@ def _on_hardware(would: OnHardware | None) -> str:
         return ""
     codes = ", ".join(dict.fromkeys(reason.code.value for reason in would.reasons))
     told = f"open: {codes}" if codes else "<b>closed</b>"
-    texts = _plain("; ".join(reason.text for reason in would.reasons))
+    texts = plain("; ".join(reason.text for reason in would.reasons))
     return f'<span class="soft" title="{texts}">The same run on hardware: {told}</span>'
 
 
 def _anomaly(row: Row) -> str:
-    return f'<p class="anomaly"><b>Anomaly of the source</b> {_text(row.anomaly)}</p>' if row.anomaly else ""
+    return f'<p class="anomaly"><b>Anomaly of the source</b> {escaped(row.anomaly)}</p>' if row.anomaly else ""
 
 
 def _planning(row: Row) -> str:
     planning = row.planning
     document = " ".join(part for part in (planning.document, planning.issue) if part)
-    lines = [_text(part) for part in (document, planning.plan) if part]
+    lines = [escaped(part) for part in (document, planning.plan) if part]
     if planning.place:
         place = planning.place.removeprefix(f"{planning.plan}/") if planning.plan else planning.place
-        lines.append(f'<span class="soft">{_text(place).replace("/", "/<wbr>")}</span>')
-    cases = "".join(f"<li>{_text(case)}</li>" for case in _in_short(planning.cases))
+        lines.append(f'<span class="soft">{escaped(place).replace("/", "/<wbr>")}</span>')
+    cases = "".join(f"<li>{escaped(case)}</li>" for case in _in_short(planning.cases))
     return ("<br>".join(lines) + (f"<ul>{cases}</ul>" if cases else "")) or _MISSING
 
 
@@ -360,8 +250,8 @@ def _gaps(gaps: Sequence[Gap]) -> Iterator[str]:
             '<th scope="col">Name</th><th scope="col">Where</th></tr></thead><tbody>\n'
         )
         for gap in found:
-            where = _text(gap.where) or _MISSING
-            yield f'<tr><th scope="row">{_text(gap.name)}</th><td>{where}</td></tr>\n'
+            where = escaped(gap.where) or _MISSING
+            yield f'<tr><th scope="row">{escaped(gap.name)}</th><td>{where}</td></tr>\n'
         yield "</tbody></table>\n"
 
 
@@ -379,7 +269,7 @@ def _inputs(document: Document) -> Iterator[str]:
         ("Packages", f"{len(inputs.packages):,}"),
         ("hil version", document.version),
     ):
-        yield f'<div><dt>{label}</dt><dd class="mono">{_text(value) or _MISSING}</dd></div>'
+        yield f'<div><dt>{label}</dt><dd class="mono">{escaped(value) or _MISSING}</dd></div>'
     yield "</dl>\n"
     if inputs.packages:
         yield (
@@ -387,7 +277,7 @@ def _inputs(document: Document) -> Iterator[str]:
             '<th scope="col">Package</th><th scope="col">Evidence digest</th></tr></thead><tbody>\n'
         )
         for folder, digest in sorted(inputs.packages.items()):
-            yield f'<tr><td>{_text(folder)}</td><td class="mono">{_text(digest) or "not verified"}</td></tr>\n'
+            yield f'<tr><td>{escaped(folder)}</td><td class="mono">{escaped(digest) or "not verified"}</td></tr>\n'
         yield "</tbody></table></details>\n"
 
 
@@ -395,5 +285,5 @@ def _bottom(document: Document) -> str:
     return (
         "<footer><p>The columns follow ECSS-E-ST-10-02C Rev.1, Annex B. Every status is computed from the catalogue, "
         "the registers, the ledger and the packages; none is typed in. Equal inputs give this page byte for byte.</p>"
-        f"<p>hil {_text(document.version)}</p></footer>\n<script>{_asset('page.js')}</script>\n</body>\n</html>\n"
+        f"<p>hil {escaped(document.version)}</p></footer>\n<script>{_asset('page.js')}</script>\n</body>\n</html>\n"
     )

@@ -48,6 +48,7 @@ _EVIDENCE = (
     ("Unit under test", 16),
     ("Closes it", 9),
     ("Reasons", 60),
+    ("Exceptions", 24),
 )
 _ON_HARDWARE = (("Requirement", 18), ("Package", 46), ("Would be", 10), ("Reasons", 80))
 _RECORDS = (("Requirement", 18), ("Waiver or nonconformance", 100))
@@ -123,6 +124,10 @@ def _summary(document: Document) -> Iterator[_Cells]:
     yield "Closed by waivers", ", ".join(summary.waived)
     for title, counts in (("Compliance", summary.compliance), ("Open for", summary.reasons), ("Gaps", summary.gaps)):
         yield from ((f"{title}: {name}", count) for name, count in sorted(counts.items()))
+    yield from (
+        ("EXCEPTION: hardware by the bench file's word alone", f"{each.package}: {each.instrument}: {each.reason}")
+        for each in document.exceptions
+    )
     yield from (("Not usable", problem) for problem in document.problems)
     yield "Catalogue, SHA-256", inputs.catalogue
     yield "Register of units, SHA-256", inputs.duts
@@ -175,6 +180,7 @@ def _evidence(row: Row) -> Iterator[_Cells]:
             each.dut,
             closes,
             reasons,
+            _lines(each.exceptions),
         )
 
 

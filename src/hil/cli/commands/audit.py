@@ -24,14 +24,13 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from hil.audit.changes import Change
-    from hil.audit.document import Document, Summary
+    from hil.audit.document import Document
     from hil.audit.inputs import World
     from hil.audit.reading import Folders
 
 __all__ = ["command", "workspace_folders"]
 
 _FORMATS = ("csv", "html", "json", "xlsx")
-_MOST = 10
 _OPEN, _DAMAGED = 1, 2
 _DAMAGES = frozenset({"INTEGRITY", "MISSING_PACKAGE"})
 
@@ -105,10 +104,12 @@ def command(
     if formats:
         _write(document, formats, output, folders.reports)
     if not formats or output:
-        for line in _lines(document):
+        from hil.audit.pages.terminal import as_lines  # noqa: PLC0415 - heavy
+
+        for line in as_lines(document):
             click.echo(visible(line))
         if not formats and document.summary.open:
-            click.echo("every reason of every requirement: hil audit --format html --output DIR")
+            click.echo("\nEvery reason of every requirement: hil audit --format html --output DIR")
     if _is_damaged(document, world):
         return _DAMAGED
     return _OPEN if strict and document.summary.open else 0
@@ -237,48 +238,6 @@ def _is_damaged(document: Document, world: World) -> bool:
     )
 
 
-def _lines(document: Document) -> Iterator[str]:
-    from hil.audit.document import Code  # noqa: PLC0415 - heavy
-    from hil.report.tables import aligned  # noqa: PLC0415 - heavy
-
-    summary = document.summary
-    day = f" at the end of {document.as_of}" if document.as_of else ""
-    asked = _counted(summary.requirements, "requirement")
-    yield f"{document.workspace}{day}: {asked}, {summary.closed} closed, {summary.open} open"
-    yield "compliance: " + ", ".join(f"{count} {word}" for word, count in summary.compliance.items())
-    if summary.waived:
-        yield f"closed by waivers: {_some(summary.waived)}"
-    if summary.reasons:
-        yield "open because"
-        rows = [(str(count), code, Code(code).meaning) for code, count in summary.reasons.items()]
-        yield from aligned(rows, right={0}, indent="  ")
-    for kind in summary.gaps:
-        names = [gap.name for gap in document.gaps if gap.kind == kind]
-        yield f"{_counted(len(names), 'gap')}, {kind}: {_some(names)}"
-    yield from _on_hardware(summary)
-    for problem in document.problems[:_MOST]:
-        yield f"problem: {problem}"
-    if len(document.problems) > _MOST:
-        yield f"and {len(document.problems) - _MOST} more problems"
-
-
-def _on_hardware(summary: Summary) -> Iterator[str]:
-    from hil.report.tables import aligned  # noqa: PLC0415 - heavy
-
-    if not summary.elsewhere:
-        return
-    named = f": {_some(summary.on_hardware)}" if summary.on_hardware else ""
-    count = str(len(summary.on_hardware) or "none")
-    asked = _counted(summary.elsewhere, "requirement")
-    yield f"simulated runs speak for {asked}; on hardware, on a unit of their stage, they would close {count}{named}"
-    if summary.left_open:
-        yield "others would stay open on hardware because"
-        rows = [(str(count), text) for text, count in tuple(summary.left_open.items())[:_MOST]]
-        yield from aligned(rows, right={0}, indent="  ")
-        if len(summary.left_open) > _MOST:
-            yield f"  and for {len(summary.left_open) - _MOST} more reasons"
-
-
 def _changed_lines(found: Sequence[Change], before: Document) -> Iterator[str]:
     reopened = sum(change.what == "reopened" for change in found)
     closed = _counted(before.summary.closed, "closed requirement")
@@ -289,11 +248,6 @@ def _changed_lines(found: Sequence[Change], before: Document) -> Iterator[str]:
             yield f"  + {reason.code}: {reason.text}"
         for reason in change.lost:
             yield f"  - {reason.code}: {reason.text}"
-
-
-def _some(names: Sequence[str]) -> str:
-    shown = ", ".join(names[:_MOST])
-    return shown if len(names) <= _MOST else f"{shown} and {len(names) - _MOST} more"
 
 
 def _counted(count: int, noun: str) -> str:
