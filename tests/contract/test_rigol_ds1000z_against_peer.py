@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from charging_rail import ChargingRail
@@ -143,6 +146,32 @@ def test_a_probe_of_another_factor_falsifies_the_volts():
         clock.sleep(0.1)
         _, rows = captured(found)
     assert rows[-1, 1] == pytest.approx(10.0, rel=0.05)
+
+
+def test_its_state_survives_a_restart():
+    """Settings, a trigger that is waited for, and what was captured, byte by byte, through JSON."""
+    peers = []
+
+    def build(setup):
+        peers.append(MODEL.build(setup))
+        return peers[-1]
+
+    plant, connects = ChargingRail(), {"1": "rail.voltage", "3": "rail.inrush"}
+    arguments = {"driver": RigolDs1000z, "truth": PROBES, "connects": connects, "plants": {"rail": plant}}
+    states = []
+    with facing(replace(MODEL, build=build), **arguments) as (driver, clock):
+        found = role(driver)
+        set_up(found)
+        states.append(peers[0].state())
+        plant.command(given=4.0)
+        clock.sleep(0.1)
+        assert found.complete()
+        states.append(peers[0].state())
+    with facing(replace(MODEL, build=build), **{**arguments, "plants": {"rail": ChargingRail()}}):
+        for state in states:
+            written = json.loads(json.dumps(state))
+            peers[1].restore(written)
+            assert json.loads(json.dumps(peers[1].state())) == written
 
 
 def test_no_trigger_no_capture():

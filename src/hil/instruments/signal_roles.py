@@ -1,4 +1,4 @@
-"""Roles of instruments that see or make signals: oscilloscope, data acquisition, function generator."""
+"""Roles of instruments that see or make signals: oscilloscope, function generator."""
 
 from __future__ import annotations
 
@@ -6,14 +6,12 @@ from typing import Annotated, Protocol
 
 from hil.instruments.marks import begins, drives, reads
 from hil.instruments.role import Role
-from hil.instruments.sampled import Captured, Sampled
+from hil.instruments.sampled import Captured
 from hil.model.figure import Figure
 
 __all__ = [
-    "DATA_ACQUISITION",
     "FUNCTION_GENERATOR",
     "OSCILLOSCOPE",
-    "DataAcquisition",
     "FunctionGenerator",
     "Oscilloscope",
 ]
@@ -62,20 +60,6 @@ class Oscilloscope(Captured, Protocol):
         ...
 
 
-class DataAcquisition(Sampled, Protocol):
-    """A data acquisition unit that scans its channels; they have the names and units that the wiring gives them."""
-
-    @reads
-    def read(self, channel: str) -> Figure:
-        """Return what one analogue channel measures now, in the channel's unit; NaN beyond its range."""
-        ...
-
-    @reads
-    def level(self, channel: str) -> bool:
-        """Return whether one digital channel is high."""
-        ...
-
-
 class FunctionGenerator(Protocol):
     """One output of a function generator, into a high impedance."""
 
@@ -110,8 +94,6 @@ class FunctionGenerator(Protocol):
         """Return the largest voltage away from zero that its settings give [V], whether or not it is on."""
         ...
 
-
-DATA_ACQUISITION = Role(name="data_acquisition", protocol=DataAcquisition)
 
 FUNCTION_GENERATOR = Role(
     name="function_generator",
