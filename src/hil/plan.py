@@ -16,7 +16,9 @@ if TYPE_CHECKING:
     from hil.executive.cases.recording import Recording
     from hil.executive.cases.steps import Steps
     from hil.instruments.cycler_role import Cycler
+    from hil.instruments.power_roles import ElectronicLoad, Multimeter, Thermometer
     from hil.instruments.roles import Gyroscope, Magnetometer, Obc, Relays, RotationTable, Supply, Thermal
+    from hil.instruments.signal_roles import FunctionGenerator, Oscilloscope
     from hil.model.errors import Implausible, NoReply, NotInTime, NotTriggered, Refused
     from hil.model.figure import Figure, FigureStatus
 
@@ -24,16 +26,20 @@ __all__ = [
     "Artifacts",
     "Checks",
     "Cycler",
+    "ElectronicLoad",
     "Figure",
     "FigureStatus",
+    "FunctionGenerator",
     "Gyroscope",
     "Implausible",
     "Magnetometer",
+    "Multimeter",
     "NoReply",
     "NotInTime",
     "NotTriggered",
     "Obc",
     "Operator",
+    "Oscilloscope",
     "Recorder",
     "Recording",
     "Refused",
@@ -42,6 +48,7 @@ __all__ = [
     "Steps",
     "Supply",
     "Thermal",
+    "Thermometer",
 ]
 
 _MODULES = {
@@ -52,7 +59,9 @@ _MODULES = {
     "executive.cases.recording": ("Recording",),
     "executive.cases.steps": ("Steps",),
     "instruments.cycler_role": ("Cycler",),
+    "instruments.power_roles": ("ElectronicLoad", "Multimeter", "Thermometer"),
     "instruments.roles": ("Gyroscope", "Magnetometer", "Obc", "Relays", "RotationTable", "Supply", "Thermal"),
+    "instruments.signal_roles": ("FunctionGenerator", "Oscilloscope"),
     "model.errors": ("Implausible", "NoReply", "NotInTime", "NotTriggered", "Refused"),
     "model.figure": ("Figure", "FigureStatus"),
 }

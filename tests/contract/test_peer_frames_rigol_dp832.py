@@ -142,7 +142,7 @@ def test_it_goes_on_after_a_restore():
     second.clock.wait_until(first.clock.now_ns())
     second.peer.restore(first.peer.state())
     assert second.bytes(b"") == b"5.0000\n"
-    assert second.peer.state()["parts"] == first.peer.state()["parts"]
+    assert second.peer.state()["channels"] == first.peer.state()["channels"]
     assert second.bytes(b"SYST:ERR?\n").startswith(b"-113,")
 
 

@@ -150,7 +150,7 @@ def test_the_master_switch_brings_every_selected_channel_on():
     supply = talk(ROHDE_SCHWARZ)
     for text in ("INST OUT2;VOLT 5;OUTP:SEL ON", "INST OUT1;VOLT 5;OUTP:GEN ON"):
         assert line(supply, text) == ""
-    outputs = supply.peer.state()["parts"]
+    outputs = supply.peer.state()["channels"]
     assert [number for number, output in outputs.items() if output["on"]] == ["2"]
 
 

@@ -243,7 +243,7 @@ def _drive_cycler(rig):
 
 
 def _outputs_on(rig):
-    outputs = rig.peer.state()["parts"]
+    outputs = rig.peer.state()["channels"]
     return {number for number, output in outputs.items() if output["on"] or output["stuck_on"]}
 
 

@@ -69,7 +69,7 @@ def test_on(supply, thermal, cycler, clock, check, step, operator):
     check("LIVE-010", "temperature", thermal.temperature())
 '''
 
-_ON = ("psu1.parts.1.on", "psu1.parts.2.on", "psu2.output.on")
+_ON = ("psu1.channels.1.on", "psu1.channels.2.on", "psu2.output.on")
 
 
 @dataclass(frozen=True)

@@ -165,6 +165,6 @@ def test_the_firmware_opens_its_relays_when_nobody_is_left(tmp_path, monkeypatch
         run.ended()
         seconds = seconds_until(lambda: not state("plants.battery.charge_contact"), BEAT_S + 1, "the relay opens")
         assert seconds > BEAT_S / 3
-        assert state("peers.psu1.parts.1.on") is True
+        assert state("peers.psu1.channels.1.on") is True
         assert state("peers.cycler1.watchdog_resets") == []
         assert abs(state("plants.battery.current")) < 0.001

@@ -24,8 +24,8 @@ from hil.wire.transcript import Transcript
 pytestmark = [pytest.mark.system, pytest.mark.alone]
 
 ON = {
-    "peers.psu1.parts.1.on": ("psu1", ":OUTP CH1,ON\n"),
-    "peers.psu1.parts.2.on": ("psu1", ":OUTP CH2,ON\n"),
+    "peers.psu1.channels.1.on": ("psu1", ":OUTP CH1,ON\n"),
+    "peers.psu1.channels.2.on": ("psu1", ":OUTP CH2,ON\n"),
     "peers.psu2.output.on": ("psu2", "OUT1"),
 }
 
@@ -117,7 +117,7 @@ def test_a_hub_that_is_unplugged_leaves_what_has_no_other_path(folder, tmp_path,
     for device in ("cycler1", "tec1", "psu2"):
         ask(folder, {"unplug": device})
     executive.process.kill()
-    wait_for(folder, "peers.psu1.parts.1.on", "peers.psu1.parts.2.on", on=False)
+    wait_for(folder, "peers.psu1.channels.1.on", "peers.psu1.channels.2.on", on=False)
     executive.wait_for_words()
     proofs = {line["output"]: line["detail"] for line in lines_of(plan) if line["event"] == "proof"}
     assert proofs["cycler"].startswith("cut off by supply.apparatus, which is safe; its port is gone")

@@ -195,5 +195,5 @@ def test_a_supply_that_refuses(tmp_path):
         ended = run.ended()
         assert ended.code == 7
         assert re.search(r"NOT SAFE|not safe|is not off", ended.out)
-        assert "psu1.parts.1.on" in bench.on()
+        assert "psu1.channels.1.on" in bench.on()
         require_acknowledged(run)

@@ -78,7 +78,7 @@ def test_pyserial_talks_to_a_network_instrument(serve):
         assert supply.readline() == b"Keysight Technologies,E36312A,SIM-MY59002391,2.1.0-1.0.4-1.12\n"
         supply.write(b"VOLT 3.3,(@3);CURR 0.05,(@3);:OUTP ON,(@3)\n*OPC?\n")
         assert supply.readline() == b"1\n"
-    assert bench.ask(state="peers.psu1.parts.3.on") is True
+    assert bench.ask(state="peers.psu1.channels.3.on") is True
     assert bench.ask(state="plants.coil.sensor_power.voltage") == pytest.approx(3.3)
 
 
@@ -179,10 +179,10 @@ def test_descriptors_outlive_who_opened_them(serve):
     os.close(descriptors[0])
     assert bench.ask(state="lines.psu1.open") is True
     assert bench.ask(state="lines.relay1.open") is True
-    assert bench.ask(state="peers.psu1.parts.3.on") is True
+    assert bench.ask(state="peers.psu1.channels.3.on") is True
     heir.communicate(timeout=60)
     deadline = time.monotonic() + 5
-    while bench.ask(state="peers.psu1.parts.3.on") or bench.ask(state="plants.coil.contact_a"):
+    while bench.ask(state="peers.psu1.channels.3.on") or bench.ask(state="plants.coil.contact_a"):
         assert time.monotonic() < deadline
 
 

@@ -6,6 +6,7 @@ import ast
 import importlib
 import subprocess
 import sys
+from importlib.metadata import entry_points
 from pathlib import Path
 
 import pytest
@@ -53,3 +54,10 @@ def test_the_flat_names_of_plans_are_on_their_page():
     page = (ROOT / "docs/reference/case-api.md").read_text(encoding="utf-8")
     names = importlib.import_module("hil.plan").__all__
     assert [name for name in names if f"`{name}`" not in page and f".{name}(" not in page] == []
+
+
+def test_every_role_has_its_type_among_them():
+    """Whatever a case can ask for, it can annotate."""
+    protocols = [entry.load().protocol for entry in entry_points(group="hil.roles") if entry.dist.name == "hil"]
+    assert "Supply" in (names := {protocol.__name__ for protocol in protocols})
+    assert names <= set(importlib.import_module("hil.plan").__all__)

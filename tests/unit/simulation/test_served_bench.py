@@ -124,7 +124,7 @@ def test_the_true_state_is_found_by_its_path():
     assert true_state(bench, "plants.coil.field") == {axis: coil["signals"][f"field.{axis}"] for axis in "xyz"}
     assert true_state(bench, "plants.coil.field.z") == coil["signals"]["field.z"]
     assert true_state(bench, "plants.coil.contact_a") is False
-    assert true_state(bench, "peers.psu1.parts.2.on") is False
+    assert true_state(bench, "peers.psu1.channels.2.on") is False
     assert true_state(bench, "peers.relay1.coils.0") is False
     assert true_state(bench, "lines.psu1") == {"open": False, "lost": 0}
 
@@ -135,8 +135,8 @@ def test_the_true_state_is_found_by_its_path():
         ("plant", "did you mean 'plants'"),
         ("plants.coli", "did you mean 'coil'"),
         ("plants.coil.feild", "there is no 'feild'"),
-        ("peers.psu1.parts.9", "there is no '9'"),
-        ("peers.psu1.parts.2.on.more", "there is no 'more'"),
+        ("peers.psu1.channels.9", "there is no '9'"),
+        ("peers.psu1.channels.2.on.more", "there is no 'more'"),
     ],
 )
 def test_a_wrong_path_is_told(path, message):
@@ -193,7 +193,7 @@ def test_an_injected_fault_holds_from_and_until_as_counted_from_now():
     assert true_state(bench, "plants.coil.sensor_power.voltage") == pytest.approx(3.3)
     bench.clock.wait_until(7_500 * MS)
     assert answer(bench).startswith(b"Keysight")
-    assert true_state(bench, "peers.psu1.parts.3.on") is True
+    assert true_state(bench, "peers.psu1.channels.3.on") is True
 
 
 def spoken(bench, until_s):

@@ -71,12 +71,13 @@ def test_polling_without_waiting_is_found(bench):
 
 
 def test_the_stream_is_an_ordinary_pyserial_port():
-    """Anything written for pyserial reaches the peer by its URL, read_until included."""
+    """Once a port was opened, anything written for pyserial reaches the peer by its URL, read_until included."""
     clock = VirtualClock()
     peer = EchoPeer()
     line = SimulatedLine("echo", peer, clock)
     peer.attach(line, clock)
     publish_stream(URL, line)
+    open_port("echo", URL, clock, Transcript(None)).close()
     with serial.serial_for_url(URL, timeout=1) as port:
         port.write(b"hello\n")
         assert port.read_until(b"\n") == b"hello\n"

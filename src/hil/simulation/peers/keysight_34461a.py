@@ -19,7 +19,7 @@ from hil.simulation.peers.manner import DeviceTruth
 from hil.simulation.peers.model import PeerSetup
 from hil.simulation.peers.scpi import ScpiError, no_channel, number, word
 from hil.simulation.peers.scpi_instrument import instrument_of
-from hil.simulation.peers.scpi_manual import Act, Manual, Part, Row
+from hil.simulation.peers.scpi_manual import Act, Channel, Manual, Row
 from hil.simulation.peers.supply_output import NOT_A_NUMBER, NotANumber
 from hil.simulation.plants.terminal import SignalPoint
 from hil.simulation.seeds import RandomStream
@@ -74,7 +74,7 @@ class MeterTruth:
     resistor: Positive = inf
 
 
-class FrontEnd(Part):
+class FrontEnd(Channel):
     """What it measures, in which range, for how long, and the reading that is under way.
 
     Args:
@@ -262,7 +262,7 @@ _MANUAL = Manual(
 )
 
 
-def _front_end(setup: PeerSetup, article: Mapping[str, object]) -> dict[int, Part]:
+def _front_end(setup: PeerSetup, article: Mapping[str, object]) -> dict[int, Channel]:
     """Return the front end; terminals `voltage`, `current` and `resistance` go to plant signals."""
     del article
     points = {function: setup.connections.signal(name) for function, name in _QUANTITIES.items()}

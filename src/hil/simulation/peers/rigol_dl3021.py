@@ -17,7 +17,7 @@ from hil.simulation.peers.manner import DeviceTruth
 from hil.simulation.peers.model import PeerSetup
 from hil.simulation.peers.scpi import no_channel
 from hil.simulation.peers.scpi_instrument import instrument_of
-from hil.simulation.peers.scpi_manual import Manual, Part, Reading, Row, Setting, Switch, Word
+from hil.simulation.peers.scpi_manual import Channel, Manual, Reading, Row, Setting, Switch, Word
 from hil.simulation.peers.supply_output import NOT_A_NUMBER, NotANumber, RefuseOff
 from hil.simulation.plants.terminal import LoadTerminal
 from hil.simulation.seeds import RandomStream
@@ -60,7 +60,7 @@ class LoadTruth:
     current_noise: NotNegative = 2e-5
 
 
-class LoadInput(Part):
+class LoadInput(Channel):
     """The input: a mode, a level and a range of each, and whether it is on.
 
     Args:
@@ -203,7 +203,7 @@ _MANUAL = Manual(
 )
 
 
-def _input(setup: PeerSetup, article: Mapping[str, object]) -> dict[int, Part]:
+def _input(setup: PeerSetup, article: Mapping[str, object]) -> dict[int, Channel]:
     """Return the input; the terminal `input` goes to a plant's sink."""
     del article
     noise = (setup.stream("voltage"), setup.stream("current"))

@@ -1,6 +1,6 @@
 """What a SCPI instrument does with a program message, by its programming guide.
 
-An error ends a message, what was executed before it stands. Assumed: a part that has tripped refuses to switch on
+An error ends a message, what was executed before it stands. Assumed: a channel that has tripped refuses to switch on
 with -221 until it is cleared.
 """
 
@@ -14,7 +14,19 @@ from typing import cast
 from hil.simulation.faults import Faults, Identity
 from hil.simulation.peers.manner import Manner
 from hil.simulation.peers.scpi import ErrorQueue, ScpiError, keyword, number, units, word
-from hil.simulation.peers.scpi_manual import Act, By, Clear, Manual, Numbers, Part, Reading, Row, Setting, Switch, Word
+from hil.simulation.peers.scpi_manual import (
+    Act,
+    By,
+    Channel,
+    Clear,
+    Manual,
+    Numbers,
+    Reading,
+    Row,
+    Setting,
+    Switch,
+    Word,
+)
 from hil.wire.checkpoint import Kept, Stateful
 
 __all__ = ["Commands"]
@@ -26,12 +38,12 @@ _Action = Callable[[int, Sequence[str]], str | None]
 
 
 class Commands(Stateful):
-    """Executes program messages on the parts of an instrument.
+    """Executes program messages on the channels of an instrument.
 
     Args:
         manual: what the instrument knows.
         identity: what `*IDN?` answers.
-        parts: the parts by number.
+        channels: the channels by number.
         faults: what goes wrong.
         manner: how its firmware writes answers.
     """
@@ -40,12 +52,12 @@ class Commands(Stateful):
     _selected: Kept[int]
 
     def __init__(
-        self, manual: Manual, identity: str, parts: Mapping[int, Part], faults: Faults, manner: Manner
+        self, manual: Manual, identity: str, channels: Mapping[int, Channel], faults: Faults, manner: Manner
     ) -> None:
         self._manual = manual
         self._manner = manner
         self._identity = identity
-        self._parts = parts
+        self._channels = channels
         self._faults = faults
         self.errors = ErrorQueue()
         self._selected = 1
@@ -110,7 +122,7 @@ class Commands(Stateful):
             self._know(row.header, False, self._sets(row))
         elif isinstance(row, Switch):
             off, on = self._manual.on_off
-            read = Reading(row.header, lambda part, _: on if getattr(part, row.name) else off)
+            read = Reading(row.header, lambda channel, _: on if getattr(channel, row.name) else off)
             if row.asked:
                 self._know(row.header, True, self._reads(read))
             self._know(row.header, False, self._switches(row))
@@ -120,13 +132,15 @@ class Commands(Stateful):
             self._know(row.header, False, self._sets_several(row))
         elif isinstance(row, Word):
             self._know(
-                row.header, True, self._reads(Reading(row.header, lambda part, _: row.told[getattr(part, row.name)]))
+                row.header,
+                True,
+                self._reads(Reading(row.header, lambda channel, _: row.told[getattr(channel, row.name)])),
             )
             self._know(row.header, False, self._chooses(row))
         elif isinstance(row, Act):
             self._know(row.header, row.asked, self._acts(row))
         else:
-            self._know(row.header, True, _alone(lambda: row.tell(self._parts, self._now_ns)))
+            self._know(row.header, True, _alone(lambda: row.tell(self._channels, self._now_ns)))
 
     def _know(self, header: str, query: bool, action: _Action) -> None:
         told = self._manner.told(header) if query else None
@@ -134,10 +148,10 @@ class Commands(Stateful):
 
     def _reads(self, row: Reading) -> _Action:
         def action(suffix: int, parameters: Sequence[str]) -> str:
-            values, parts = self._targets(row.by, suffix, parameters)
+            values, channels = self._targets(row.by, suffix, parameters)
             if values:
                 raise ScpiError(-108)
-            return ",".join([row.form(row.read(part, self._now_ns)) for part in parts])
+            return ",".join([row.form(row.read(channel, self._now_ns)) for channel in channels])
 
         return action
 
@@ -145,54 +159,54 @@ class Commands(Stateful):
         """Answer a setting, or with MIN, MAX or DEF its bounds."""
 
         def action(suffix: int, parameters: Sequence[str]) -> str:
-            values, parts = self._targets(row.by, suffix, parameters)
+            values, channels = self._targets(row.by, suffix, parameters)
             if values and row.usual is None:
                 raise ScpiError(-108)
             bound = word(values[0]) if values else ""
             if bound is None:
                 raise ScpiError(-224)
-            return ",".join(row.form(_bound(row, part, bound)) for part in parts)
+            return ",".join(row.form(_bound(row, channel, bound)) for channel in channels)
 
         return action
 
     def _sets(self, row: Setting) -> _Action:
-        """Take a number, or MIN, MAX, DEF. All parts are set, or none."""
+        """Take a number, or MIN, MAX, DEF. All channels are set, or none."""
 
         def action(suffix: int, parameters: Sequence[str]) -> None:
-            values, parts = self._targets(row.by, suffix, parameters)
+            values, channels = self._targets(row.by, suffix, parameters)
             text = _single(values)
-            numbers = [_number_for(row, part, text) for part in parts]
-            for part, value in zip(parts, numbers, strict=True):
-                _write(row, part, value)
+            numbers = [_number_for(row, channel, text) for channel in channels]
+            for channel, value in zip(channels, numbers, strict=True):
+                _write(row, channel, value)
 
         return action
 
     def _sets_several(self, row: Numbers) -> _Action:
         def action(suffix: int, parameters: Sequence[str]) -> None:
-            values, (part, *_) = self._targets("parameter", suffix, parameters)
+            values, (channel, *_) = self._targets("parameter", suffix, parameters)
             if len(values) != len(row.settings):
                 raise ScpiError(-108 if len(values) > len(row.settings) else -109)
-            numbers = [_number_for(one, part, text) for one, text in zip(row.settings, values, strict=True)]
+            numbers = [_number_for(one, channel, text) for one, text in zip(row.settings, values, strict=True)]
             for one, value in zip(row.settings, numbers, strict=True):
-                _write(one, part, value)
+                _write(one, channel, value)
 
         return action
 
     def _switches(self, row: Switch) -> _Action:
         def action(suffix: int, parameters: Sequence[str]) -> None:
             by: By = "selected" if row.all else "parameter"
-            values, parts = self._targets(by, suffix, parameters)
+            values, channels = self._targets(by, suffix, parameters)
             on = _ON_OFF.get(_single(values).upper())
             if on is None:
                 raise ScpiError(-224)
-            for part in self._parts.values() if row.all else parts:
+            for channel in self._channels.values() if row.all else channels:
                 if row.name != "on":
-                    setattr(part, row.name, on)
-                elif on and part.tripped:
+                    setattr(channel, row.name, on)
+                elif on and channel.tripped:
                     raise ScpiError(-221)
                 else:
-                    part.switch(on, self._now_ns)
-                part.follow(self._now_ns)
+                    channel.switch(on, self._now_ns)
+                channel.follow(self._now_ns)
 
         return action
 
@@ -200,43 +214,43 @@ class Commands(Stateful):
         words = [(keyword(text), meant) for text, meant in row.words.items()]
 
         def action(suffix: int, parameters: Sequence[str]) -> None:
-            values, parts = self._targets("parameter", suffix, parameters)
+            values, channels = self._targets("parameter", suffix, parameters)
             text = _single(values).upper()
             meant = next((meant for pattern, meant in words if pattern.fullmatch(text)), None)
             if meant is None:
                 raise ScpiError(-224)
-            for part in parts:
-                setattr(part, row.name, meant)
+            for channel in channels:
+                setattr(channel, row.name, meant)
 
         return action
 
     def _acts(self, row: Act) -> _Action:
         def action(suffix: int, parameters: Sequence[str]) -> str | None:
-            values, (part, *_) = self._targets("parameter", suffix, parameters)
-            return row.do(part, values, self._now_ns)
+            values, (channel, *_) = self._targets("parameter", suffix, parameters)
+            return row.do(channel, values, self._now_ns)
 
         return action
 
     def _clears(self, row: Clear) -> _Action:
         def action(suffix: int, parameters: Sequence[str]) -> None:
-            values, parts = self._targets("parameter", suffix, parameters)
+            values, channels = self._targets("parameter", suffix, parameters)
             if values:
                 raise ScpiError(-108)
-            for part in parts:
+            for channel in channels:
                 for name in row.names:
-                    setattr(part, name, False)
+                    setattr(channel, name, False)
 
         return action
 
-    def _targets(self, by: By, suffix: int, parameters: Sequence[str]) -> tuple[list[str], list[Part]]:
-        """Split parameters into values and the parts that are meant."""
+    def _targets(self, by: By, suffix: int, parameters: Sequence[str]) -> tuple[list[str], list[Channel]]:
+        """Split parameters into values and the channels that are meant."""
         values, chosen = self._split_off(tuple(parameters)) if by == "parameter" else (list(parameters), None)
         if by == "number":
-            if suffix not in self._parts:
+            if suffix not in self._channels:
                 raise ScpiError(-113)
             chosen = [suffix]
         try:
-            return values, [self._parts[number] for number in ([self._selected] if chosen is None else chosen)]
+            return values, [self._channels[number] for number in ([self._selected] if chosen is None else chosen)]
         except KeyError:
             raise ScpiError(self._manual.no_channel) from None
 
@@ -251,7 +265,7 @@ class Commands(Stateful):
 
     def _select(self, _: int, parameters: Sequence[str]) -> None:
         match = re.fullmatch(r"(?:CH|OUT(?:P(?:UT)?)?)?(\d)", _single(parameters).upper())
-        if match is None or int(match[1]) not in self._parts:
+        if match is None or int(match[1]) not in self._channels:
             raise ScpiError(-224)
         self._selected = int(match[1])
 
@@ -264,8 +278,8 @@ class Commands(Stateful):
 
     def _reset(self) -> None:
         self._selected = 1
-        for part in self._parts.values():
-            part.reset(self._now_ns)
+        for channel in self._channels.values():
+            channel.reset(self._now_ns)
 
 
 def _marked(identification: str) -> str:
@@ -301,28 +315,28 @@ def _single(values: Sequence[str]) -> str:
     return values[0]
 
 
-def _write(row: Setting, part: Part, value: float) -> None:
+def _write(row: Setting, channel: Channel, value: float) -> None:
     if row.write is None:
-        setattr(part, row.name, value)
+        setattr(channel, row.name, value)
     else:
-        row.write(part, value)
+        row.write(channel, value)
 
 
-def _bound(row: Setting, part: Part, bound: str) -> float:
+def _bound(row: Setting, channel: Channel, bound: str) -> float:
     """Return a setting, or what MIN, MAX or DEF stand for."""
     if not bound:
-        return cast("float", getattr(part, row.name))
+        return cast("float", getattr(channel, row.name))
     if bound == "MIN":
         return row.least
-    return row.most(part.rating) if bound == "MAX" or row.usual is None else row.usual(part.rating)
+    return row.most(channel.rating) if bound == "MAX" or row.usual is None else row.usual(channel.rating)
 
 
-def _number_for(row: Setting, part: Part, text: str) -> float:
-    """Read the number of a setting for one part."""
+def _number_for(row: Setting, channel: Channel, text: str) -> float:
+    """Read the number of a setting for one channel."""
     bound = word(text)
     if bound and (bound != "DEF" or row.usual is not None):
-        return _bound(row, part, bound)
+        return _bound(row, channel, bound)
     value = number(text, row.units)
-    if not row.least <= value <= row.most(part.rating):
+    if not row.least <= value <= row.most(channel.rating):
         raise ScpiError(-222)
     return value

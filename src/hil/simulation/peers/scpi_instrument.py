@@ -9,7 +9,7 @@ from hil.clock.port import NANOSECONDS
 from hil.simulation.peers.manner import Manner
 from hil.simulation.peers.model import PeerModel, PeerSetup
 from hil.simulation.peers.scpi_commands import Commands
-from hil.simulation.peers.scpi_manual import Manual, Part
+from hil.simulation.peers.scpi_manual import Channel, Manual
 from hil.simulation.peers.timing import Alarm
 from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import Line, PeerClock
@@ -27,13 +27,13 @@ class ScpiInstrument(Stateful):
     Args:
         manual: what its programming guide says.
         commands: what it executes.
-        parts: what its headers concern, by number.
+        channels: what its headers concern, by number.
         times_ns: those of its truth.
         manner: how its firmware writes lines.
     """
 
     _commands: Kept[Commands]
-    _parts: Kept[dict[int, Part]]
+    _channels: Kept[dict[int, Channel]]
     _inbox: Kept[bytes]
     _lines: Kept[list[str]]
     _ready_ns: Kept[int]
@@ -44,7 +44,7 @@ class ScpiInstrument(Stateful):
         self,
         manual: Manual,
         commands: Commands,
-        parts: dict[int, Part],
+        channels: dict[int, Channel],
         times_ns: Mapping[str, int],
         manner: Manner,
     ) -> None:
@@ -52,11 +52,11 @@ class ScpiInstrument(Stateful):
         self._manner = manner
         self._end = manner.end
         self._commands = commands
-        self._parts = parts
+        self._channels = channels
         self._command_ns = times_ns["command_time"]
         self._measure_ns = times_ns.get("measure_time", self._command_ns)
         self._pause_ns = times_ns.get("pause_time")
-        self._slow = [part for part in parts.values() if type(part).takes_ns is not Part.takes_ns]
+        self._slow = [channel for channel in channels.values() if type(channel).takes_ns is not Channel.takes_ns]
         self._inbox = b""
         self._lines = []
         self._ready_ns = 0
@@ -64,14 +64,14 @@ class ScpiInstrument(Stateful):
         self._clock: PeerClock
 
     def attach(self, line: Line, clock: PeerClock) -> None:
-        """Connect the line; every part starts as after power-on."""
+        """Connect the line; every channel starts as after power-on."""
         self._line = line
         self._clock = clock
         self._due, self._watching = Alarm(clock, self._work), Alarm(clock, self._protect)
-        for part in self._parts.values():
-            part.apply()
+        for channel in self._channels.values():
+            channel.apply()
             if self._manual.watches:
-                part.listen(self._look)
+                channel.listen(self._look)
 
     def opened(self) -> None:
         """Greet whoever opened the port, where the firmware does."""
@@ -100,8 +100,8 @@ class ScpiInstrument(Stateful):
     def _begin(self) -> None:
         line, now_ns = self._lines[0].upper(), self._clock.now_ns()
         takes_ns = self._measure_ns if "MEAS" in line else self._command_ns
-        for part in self._slow:
-            takes_ns += part.takes_ns(line, now_ns)
+        for channel in self._slow:
+            takes_ns += channel.takes_ns(line, now_ns)
         self._due.set(now_ns + takes_ns)
 
     def _work(self) -> None:
@@ -118,25 +118,27 @@ class ScpiInstrument(Stateful):
             self._begin()
 
     def _look(self) -> None:
-        """Check whether a contact that closed, or the like, brought a part above its protection."""
-        if any(part.lifted for part in self._parts.values()):
+        """Check whether a contact that closed, or the like, brought a channel above its protection."""
+        if any(channel.lifted for channel in self._channels.values()):
             self._watching.set(self._clock.now_ns())
 
     def _protect(self) -> None:
-        """Trip what is due; a part that gives more than a protection allows is looked at every 10 ms."""
+        """Trip what is due; a channel that gives more than a protection allows is looked at every 10 ms."""
         now_ns = self._clock.now_ns()
-        for part in self._parts.values():
-            part.protect(now_ns)
-        if self._watching.due_ns is None and any(part.watched for part in self._parts.values()):
+        for channel in self._channels.values():
+            channel.protect(now_ns)
+        if self._watching.due_ns is None and any(channel.watched for channel in self._channels.values()):
             self._watching.set((now_ns // _WATCH_NS + 1) * _WATCH_NS)
 
 
-def instrument_of(manual: Manual, parts: Callable[[PeerSetup, Mapping[str, object]], dict[int, Part]]) -> PeerModel:
+def instrument_of(
+    manual: Manual, channels: Callable[[PeerSetup, Mapping[str, object]], dict[int, Channel]]
+) -> PeerModel:
     """Return the model of a manual.
 
     Args:
         manual: what the programming guide says.
-        parts: makes what its headers concern, by number, from the setup and what the truth says of the device.
+        channels: makes what its headers concern, by number, from the setup and what the truth says of the device.
     """
 
     def build(setup: PeerSetup) -> ScpiInstrument:
@@ -144,7 +146,7 @@ def instrument_of(manual: Manual, parts: Callable[[PeerSetup, Mapping[str, objec
         article = asdict(truth.part(manual.truth))
         article["serial"] = f"SIM-{article['serial']}"
         manner = truth.part(manual.manner)
-        made = parts(setup, article)
+        made = channels(setup, article)
         setup.finish()
         commands = Commands(manual, manual.identity.format(**article), made, setup.faults, manner)
         times_ns = {key: round(each * NANOSECONDS) for key, each in article.items() if key.endswith("_time")}

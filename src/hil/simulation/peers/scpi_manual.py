@@ -10,13 +10,13 @@ from hil.simulation.faults import Fault
 from hil.simulation.peers.manner import DeviceTruth, Manner
 from hil.wire.checkpoint import Stateful
 
-__all__ = ["Act", "By", "Clear", "Manual", "Numbers", "Part", "Reading", "Row", "Setting", "Switch", "Whole", "Word"]
+__all__ = ["Act", "By", "Channel", "Clear", "Manual", "Numbers", "Reading", "Row", "Setting", "Switch", "Whole", "Word"]
 
 By = Literal["parameter", "number", "selected"]
-"""What names the part of a header: a parameter, the number in the header, or the selection."""
+"""What names the channel of a header: a parameter, the number in the header, or the selection."""
 
 
-class Part(Stateful):
+class Channel(Stateful):
     """What headers concern: an output of a supply, the input of a load, the front end of a meter.
 
     Attributes:
@@ -75,9 +75,9 @@ class Reading:
 
     Attributes:
         header: as manuals print it: `MEASure[:VOLTage]`, `ISUMmary<n>`.
-        read: reads a part at an instant in ns.
+        read: reads a channel at an instant in ns.
         form: writes what was read.
-        by: what names the part: a parameter of the manual's form, the number in the header, or the selection.
+        by: what names the channel: a parameter of the manual's form, the number in the header, or the selection.
     """
 
     header: str
@@ -92,7 +92,7 @@ class Setting:
 
     Attributes:
         header, form, by: see `Reading`.
-        name: the part's attribute.
+        name: the channel's attribute.
         most: the highest number.
         usual: the number after a reset; None if the word DEF is not known, and bounds cannot be asked for.
         write: sets it, where it is more than the attribute.
@@ -117,8 +117,8 @@ class Switch:
 
     Attributes:
         header: see `Reading`.
-        name: the part's attribute, or `on` for the part itself.
-        all: whether it concerns every part, and no parameter names one.
+        name: the channel's attribute, or `on` for the channel itself.
+        all: whether it concerns every channel, and no parameter names one.
         asked: whether it can be asked for.
     """
 
@@ -130,7 +130,7 @@ class Switch:
 
 @dataclass(frozen=True, slots=True)
 class Whole:
-    """A header that is asked, and whose answer is of all parts."""
+    """A header that is asked, and whose answer is of all channels."""
 
     header: str
     tell: Callable[[Mapping[int, Any], int], str]
@@ -138,7 +138,7 @@ class Whole:
 
 @dataclass(frozen=True, slots=True)
 class Clear:
-    """A header that clears latches of a part."""
+    """A header that clears latches of a channel."""
 
     header: str
     names: tuple[str, ...]
@@ -158,7 +158,7 @@ class Word:
 
     Attributes:
         header: see `Reading`.
-        name: the part's attribute, which becomes what the word stands for.
+        name: the channel's attribute, which becomes what the word stands for.
         words: as manuals print them (`CURRent`), and what each stands for.
         told: how that is written in an answer.
     """
@@ -175,8 +175,8 @@ class Act:
 
     Attributes:
         header: see `Reading`.
-        do: takes the part, the parameters and the instant in ns; returns the answer, None where there is none. It may
-            raise `ScpiError`.
+        do: takes the channel, the parameters and the instant in ns; returns the answer, None where there is none. It
+            may raise `ScpiError`.
         asked: whether it ends with a question mark.
     """
 
@@ -196,12 +196,12 @@ class Manual:
     Attributes:
         identity: what `*IDN?` answers, with `{serial}` and `{firmware}`.
         truth: what a bench file says of a device.
-        rows: headers that concern parts.
+        rows: headers that concern channels.
         answers: headers that are asked and always give the same.
         ignored: headers that change nothing that could be seen.
-        selects: headers that select a part, and how the selection is written where it can be asked for.
-        targets: splits what names parts off the parameters; None is the selected one.
-        no_channel: the error of a part that there is not.
+        selects: headers that select a channel, and how the selection is written where it can be asked for.
+        targets: splits what names channels off the parameters; None is the selected one.
+        no_channel: the error of a channel that there is not.
         error_form: writes the number of an error, and its text.
         on_off: how switches are written.
         watches: whether it notices at once what else lifts its terminals.

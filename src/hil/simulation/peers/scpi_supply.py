@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from hil.simulation.peers.model import PeerModel, PeerSetup
 from hil.simulation.peers.scpi_instrument import instrument_of
-from hil.simulation.peers.scpi_manual import Manual, Part
+from hil.simulation.peers.scpi_manual import Channel, Manual
 from hil.simulation.peers.supply_output import OutputTruth, Rating, SupplyOutput, read_outputs
 
 __all__ = ["SupplyManual", "model_of"]
@@ -33,7 +33,7 @@ class SupplyManual(Manual):
 def model_of(manual: SupplyManual) -> PeerModel:
     """Return the model of a manual; terminals `1`, `2`, ... go to supply ports of plants."""
 
-    def outputs(setup: PeerSetup, article: Mapping[str, object]) -> dict[int, Part]:
+    def outputs(setup: PeerSetup, article: Mapping[str, object]) -> dict[int, Channel]:
         ratings = manual.of_model.get(str(article.get("model", "")), manual.ratings)
         return dict(read_outputs(setup, ratings, manual.deviates, manual.output))
 

@@ -10,7 +10,7 @@ from typing import Annotated, Self
 from hil.model.notation import NotNegative, Number, Positive, one_of, whole
 from hil.simulation.faults import Fault, Faults
 from hil.simulation.peers.model import PeerSetup
-from hil.simulation.peers.scpi_manual import Part
+from hil.simulation.peers.scpi_manual import Channel
 from hil.simulation.plants.terminal import Terminal
 from hil.simulation.seeds import RandomStream
 from hil.wire.checkpoint import Kept
@@ -149,7 +149,7 @@ def read_outputs(
     }
 
 
-class SupplyOutput(Part):
+class SupplyOutput(Channel):
     """One output: settings, protection, and what hangs on it.
 
     Args:

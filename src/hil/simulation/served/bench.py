@@ -114,7 +114,7 @@ def true_state(bench: ServedBench, path: str) -> object:
     """Return what stands at a dotted path, all of it for an empty one.
 
     `plants.coil` has every signal and input of a plant; `plants.coil.field.x` is one signal, `plants.coil.field` a
-    group of them, and where there is no signal of that name it is an input. `peers.psu1.parts.2.on` is what the peer
+    group of them, and where there is no signal of that name it is an input. `peers.psu1.channels.2.on` is what the peer
     itself keeps, by the names that it keeps it under; `lines.psu1` returns whether a client is there, and what
     overflowed.
 
