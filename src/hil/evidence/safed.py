@@ -9,7 +9,7 @@ from typing import Any
 
 from hil.documents.canonical import JsonError, parse_strict
 from hil.evidence.durable import read_plain, sha256_of
-from hil.evidence.events import Acknowledged, End, Event
+from hil.evidence.events import Acknowledged, End, Event, Resumed
 from hil.evidence.folder import GUARDIAN, JOURNAL
 from hil.evidence.inbox import peek
 from hil.evidence.journal.reader import read_journal
@@ -108,15 +108,15 @@ def was_safed(folder: Path, events: Sequence[Event]) -> bool:
 
     One of which an output was not proven is no more than interrupted.
 
-    Its journal holds then no acknowledgement of the guardian's as that stands now: it is written down first of all
-    when the run is resumed.
+    Its journal names the guardian's as that stands now once it is resumed, before the bench is armed. What is driven
+    after that is not what the guardian proved safe.
     """
     if not (seen := guardian_hash(folder)):
         return False
     act = last_act(guardian_lines(folder))
     if act is None or not act.safe:
         return False
-    return not any(isinstance(event, End) or _acknowledges(event, seen) for event in events)
+    return not any(isinstance(event, End) or _acknowledges(event, seen) or _resumes(event, seen) for event in events)
 
 
 def is_acknowledged(folder: Path) -> bool:
@@ -137,6 +137,10 @@ def is_acknowledged(folder: Path) -> bool:
 
 def _acknowledges(event: Event, seen: str) -> bool:
     return isinstance(event, Acknowledged) and event.guardian == seen
+
+
+def _resumes(event: Event, seen: str) -> bool:
+    return isinstance(event, Resumed) and event.guardian == seen
 
 
 def _line(line: bytes) -> dict[str, Any]:

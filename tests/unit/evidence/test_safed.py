@@ -99,6 +99,22 @@ def test_a_run_that_went_on_is_not_safed_any_more(folder):
     assert status(folder).state is State.INTERRUPTED
 
 
+def test_a_run_that_was_resumed_is_not_safed_any_more(folder):
+    """What was driven since is not what the guardian proved, though the acknowledgement waits in the inbox until then.
+
+    Once the guardian acts again, and proves everything, it is.
+    """
+    post(folder, "ack", by="Ada", text="fuse replaced", seen=guardian_hash(folder))
+    told = {"number": 1, "checkpoint": 0.0, "torn_bytes": 0, "deviation": "", "seconds": 7.0, "text": "resumed"}
+    with Journal(folder / "data/journal.jsonl") as journal:
+        journal.write(event_of("resumed", **told, guardian=guardian_hash(folder)), 0.0)
+    assert status(folder).state is State.INTERRUPTED
+    assert verify(folder).state is State.INTERRUPTED
+    with (folder / GUARDIAN).open("ab") as more:
+        more.write(ACTED)
+    assert status(folder).state is State.SAFED
+
+
 def test_the_guardians_journal_is_sealed_with_the_run(folder):
     """It is in the manifest and named by the journal, with the acknowledgement that waited in the inbox."""
     post(folder, "ack", by="Ada", text="fuse replaced", seen=guardian_hash(folder))

@@ -270,6 +270,7 @@ class Resumed(Event, frozen=True, kw_only=True):
         seconds: how long the run was interrupted.
         text: the same in words.
         entry: where a stopped run was resumed; left out for a killed run, which continues where it was.
+        guardian: the SHA-256 of the guardian's journal as it was then; left out where it had done nothing.
     """
 
     number: int
@@ -279,6 +280,7 @@ class Resumed(Event, frozen=True, kw_only=True):
     seconds: float
     text: str
     entry: Entry | None = None
+    guardian: str = ""
 
     origin: ClassVar[Origin] = Origin.OUTSIDE
 

@@ -17,6 +17,7 @@ from hil.evidence.journal.past import Past, entries
 from hil.evidence.journal.writer import Journal
 from hil.evidence.package.contents import Package
 from hil.evidence.recordings.hdf5 import revert
+from hil.evidence.safed import guardian_hash
 from hil.evidence.state import standing
 from hil.executive.cases.effects import Recall
 from hil.executive.ending.stop import Stopped
@@ -199,6 +200,7 @@ class Resumption(Past):
             seconds=seconds,
             text="the run was interrupted, and resumed here" if entry is None else _entered(earlier),
             entry=entry,
+            guardian=guardian_hash(earlier.folder),
         )
         self._journal.write(resumed, t, beside=beside)
 
