@@ -118,6 +118,24 @@ def test_a_stop_while_a_resumed_run_arms_again_waits_for_a_scheduling_point(at):
     assert written.of("safe-end")[-1]["ok"] is True
 
 
+def test_the_guardian_waits_for_one_gate_after_the_other():
+    """An arming that goes on may take as long as its bench needs; that it does is told with every gate."""
+    written = Written()
+
+    class Counting(NoMachine):
+        """A machine that counts what passed."""
+
+        count = 0
+
+        def passed(self):
+            """Count."""
+            Counting.count += 1
+
+    with bound(adcs()) as bench:
+        assert not keeper_of(bench, StopFlags(), written, Counting()).arm()
+    assert Counting.count == len(written.of("gate")) > 10
+
+
 def test_arming_ends_when_the_guardian_dies_amid_it():
     """What was tried last is off again; no other output is switched on, and the gate says why."""
     written = Written()

@@ -88,3 +88,40 @@ def test_the_latches_of_an_armed_bench_are_renewed_now_and_then(tmp_path, monkey
     now[0] = 2000.0
     clock.pulse()
     assert not latch.exists()
+
+
+def test_an_arming_may_take_long_as_long_as_its_gates_pass(tmp_path, monkeypatch):
+    """Each gate has its time, and all of them together; who waits for one for ever is ended."""
+    guardian, clock = Watchful(), SimpleNamespace(pulse=lambda: None, boot_s_of=lambda ns: ns / 1e9)
+    steps = (SimpleNamespace(output="psu1.1", within_s=40.0),)
+    spec = SimpleNamespace(head=BenchHead(name="battery", title="Cells"), safe_off=steps, rest=(), hold=(), wiring=())
+    plan = SimpleNamespace(bench="battery", names=(), hang_s=1.0)
+    monkeypatch.setattr(guarding, "plan_of", lambda *_: plan)
+    monkeypatch.setattr(guarding.Guardian, "start", lambda *_: guardian)
+    monkeypatch.setattr(guarding, "latch_bench", lambda *_, **__: None)
+    now, good = [1000.0], []
+    monkeypatch.setattr(guarding.wall, "monotonic", lambda: now[0])
+    monkeypatch.setattr(guarding.wall, "stamp", lambda: SimpleNamespace(boot=now[0]))
+    guardian.beat = good.append
+    freshness = SimpleNamespace(fresh_until_ns=None)
+    bench = SimpleNamespace(spec=spec, descriptors={})
+    guard = Guarding(bench, clock, StopFlags(), folder=tmp_path, leases=["psu1"], locks=[])
+    assert all(gate.ok for gate in guard.begin(freshness))
+
+    def good_for() -> float:
+        now[0] += 1.0
+        clock.pulse()
+        return good[-1] - now[0]
+
+    assert good_for() == 99.0
+    assert good_for() == 98.0
+    for _ in range(15):
+        now[0] += 90.0
+        guard.passed()
+        assert good_for() == 99.0
+    now[0] = 2790.0
+    guard.passed()
+    assert good_for() == 9.0
+    freshness.fresh_until_ns = 2800 * 10**9
+    guard.passed()
+    assert good_for() == 9.0

@@ -84,6 +84,7 @@ class ArmedBench:
                 told = gate
                 if self._flags.reason:
                     told = replace(gate, ok=False, detail=f"stopped by {self._flags.reason}; {gate.detail}")
+                self._machine.passed()
                 if is_new:
                     passed(told, of_host)
                 refusal = refusal or ("" if told.ok else f"{told.name}: {told.detail}")

@@ -34,8 +34,11 @@ __all__ = ["ArmingPeople", "Guarding", "LiveMachine", "live_machine"]
 
 _BEAT_S = 0.1
 _BETWEEN_S = 10.0
-_ARMING_S = 120.0
-"""How long the gates of an arming may take all together."""
+_GATE_S = 60.0
+"""How long one gate of an arming may take, beside everything that is brought to its safe state in it."""
+
+_ARMING_S = 1800.0
+"""How long all of them may take together, whatever passes meanwhile."""
 
 _SPARE_S = 30.0
 _GRACE_S = 1.0
@@ -82,8 +85,9 @@ class Guarding:
         self._latched = wall.monotonic()
         self._alone = bench.spec.head.acknowledge == "owner"
         self._beaten = self._pulsed = 0.0
-        self._until = 0.0
+        self._until = self._armed_by = 0.0
         self._uninterrupted_s = _longest_safing_s(bench.spec) + _SPARE_S
+        self._gate_s = _longest_safing_s(bench.spec) + _GATE_S
         self.lost = ""
         self.proven = False
 
@@ -101,7 +105,8 @@ class Guarding:
             self._guardian = Guardian.start(plan, self._bench.descriptors, locks, self._flags.check)
             for each in self._guardian.drill():
                 yield Gate(f"guardian: {each.output}", ok=each.ok, detail=each.detail or f"after {each.seconds:.3g} s")
-            self._until = _boot_s() + _ARMING_S
+            self._armed_by = _boot_s() + _ARMING_S
+            self.passed()
             self._guardian.watch()
             self._watching, self._clock.pulse = True, self.pulse  # from here on it acts on silence
             self._latch = self._armed(plan)
@@ -120,6 +125,11 @@ class Guarding:
         nothing = "" if plan.names else "; it guards no output, so it proves nothing"
         others = ", ".join(harmless(self._bench.spec))
         return nothing + (f"; not guarded, because they do no harm by their roles: {others}" if others else "")
+
+    def passed(self) -> None:
+        """Give the next gate of the arming its time: nothing else says yet how long the bench is known to be well."""
+        if self._armed_by and self._freshness is not None and self._freshness.fresh_until_ns is None:
+            self._until = min(_boot_s() + self._gate_s, self._armed_by)
 
     def pulse(self) -> None:
         """Tell the guardian that the run lives, and up to when what it knows of the bench is good; often is cheap."""
@@ -269,6 +279,10 @@ class LiveMachine:
     def between(self) -> None:
         """Let the guardian hear of the run while nothing reads the bench for some seconds."""
         self._guarding.between()
+
+    def passed(self) -> None:
+        """Let the guardian wait for the next gate of an arming, after one that passed."""
+        self._guarding.passed()
 
     def gates(self, freshness: Freshness) -> Iterator[Gate]:
         """Yield what has to hold before anything is driven; with the last one the guardian watches."""

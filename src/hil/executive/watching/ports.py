@@ -133,6 +133,10 @@ class Machine(Protocol):
         """Yield what has to hold before anything is driven."""
         ...
 
+    def passed(self) -> None:
+        """Let the guardian wait for the next gate of an arming, after one that passed."""
+        ...
+
     def distress(self) -> Distress | None:
         """Return why the bench cannot be driven any more, None while it can."""
         ...
@@ -188,6 +192,9 @@ class NoMachine:
         """Return that nothing has to hold."""
         del freshness
         return ()
+
+    def passed(self) -> None:
+        """Do nothing: nobody waits."""
 
     def distress(self) -> None:
         """Return that the bench can be driven."""
