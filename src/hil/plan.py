@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from hil.instruments.power_roles import ElectronicLoad, Multimeter, Thermometer
     from hil.instruments.roles import Gyroscope, Magnetometer, Obc, Relays, RotationTable, Supply, Thermal
     from hil.instruments.signal_roles import FunctionGenerator, Oscilloscope
-    from hil.model.errors import Implausible, NoReply, NotInTime, NotTriggered, Refused
+    from hil.model.errors import Implausible, NoReply, NotInTime, NotMet, NotTriggered, Refused
     from hil.model.figure import Figure, FigureStatus
 
 __all__ = [
@@ -36,6 +36,7 @@ __all__ = [
     "Multimeter",
     "NoReply",
     "NotInTime",
+    "NotMet",
     "NotTriggered",
     "Obc",
     "Operator",
@@ -62,7 +63,7 @@ _MODULES = {
     "instruments.power_roles": ("ElectronicLoad", "Multimeter", "Thermometer"),
     "instruments.roles": ("Gyroscope", "Magnetometer", "Obc", "Relays", "RotationTable", "Supply", "Thermal"),
     "instruments.signal_roles": ("FunctionGenerator", "Oscilloscope"),
-    "model.errors": ("Implausible", "NoReply", "NotInTime", "NotTriggered", "Refused"),
+    "model.errors": ("Implausible", "NoReply", "NotInTime", "NotMet", "NotTriggered", "Refused"),
     "model.figure": ("Figure", "FigureStatus"),
 }
 _HOMES = {name: module for module, names in _MODULES.items() for name in names}

@@ -15,6 +15,7 @@ HilError                      anything a person can cause or must know; never a 
 ├── Diverged                  a case run again asked for something else than the record says
 ├── NotInTime                 what a case waited for did not come
 │   └── NotTriggered          an instrument's trigger did not
+│       └── NotMet            a condition that it waited for was not met
 └── EvidenceError             a package or journal that is damaged, incomplete or in the way
 """
 
@@ -37,6 +38,7 @@ __all__ = [
     "Misused",
     "NoReply",
     "NotInTime",
+    "NotMet",
     "NotTriggered",
     "Refused",
     "Rejected",
@@ -203,3 +205,7 @@ class NotTriggered(NotInTime):
     def __init__(self, device: str, message: str, hint: str = "") -> None:
         super().__init__(message, hint)
         self.device = device
+
+
+class NotMet(NotTriggered):
+    """A condition that a case waited for was not met in time; it counts like a trigger that did not come."""

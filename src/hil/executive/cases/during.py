@@ -150,6 +150,7 @@ class During:
             sources=(f"recording {self._name}, {channel}",),
             uncovered=uncovered(source.instrument, unit, found.value),
         )
+        self._effects.learnt(provenance)
         return found.with_provenance(provenance)
 
     def _end(self, *, complete: bool) -> None:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import Literal, Protocol, TypeVar, cast
 
 import msgspec
@@ -13,6 +13,7 @@ from hil.evidence import events
 from hil.evidence.events import EventSink
 from hil.model.errors import Diverged
 from hil.model.figure import decoded, encoded
+from hil.model.provenance import Provenance
 
 __all__ = ["Effects", "Kind", "Recall", "Where"]
 
@@ -99,6 +100,7 @@ class Effects:
         self._undisturbed = undisturbed
         self.diverged = ""
         self._ordinals: Counter[tuple[str, str]] = Counter()
+        self._learning: list[list[Provenance]] = []
 
     def perform(self, name: str, kind: Kind, arguments: Mapping[str, object], action: Callable[[], _Result]) -> _Result:
         """Perform one effect and return its result.
@@ -120,6 +122,22 @@ class Effects:
             except Diverged as error:
                 self.diverged = self.diverged or str(error.first)
                 raise
+
+    @contextmanager
+    def learning(self) -> Iterator[list[Provenance]]:
+        """Yield a list that grows by where each reading in the block came from."""
+        learnt: list[Provenance] = []
+        self._learning.append(learnt)
+        try:
+            yield learnt
+        finally:
+            self._learning.pop()
+
+    def learnt(self, provenance: Provenance) -> None:
+        """Note where a reading came from, for those who want to know."""
+        for each in self._learning:
+            if provenance not in each:
+                each.append(provenance)
 
     def end(self) -> None:
         """Compare the end of the case with the record."""

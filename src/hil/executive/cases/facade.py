@@ -162,6 +162,7 @@ class Facade(OfThisProcess):
         provenance = Provenance(
             instruments=(self.instrument.name,), sources=(what,), uncovered=tuple(dict.fromkeys(missing))
         )
+        self._effects.learnt(provenance)
         return stamped(result, provenance)
 
     def guarded(self, action: Callable[[], _Result]) -> _Result:

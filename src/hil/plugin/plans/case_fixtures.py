@@ -10,24 +10,13 @@ from typing import Any
 import pytest
 
 from hil.executive.cases.case_run import CaseRun
+from hil.executive.cases.waiting import CaseClock
 from hil.executive.session import Session
 
-__all__ = ["CASE_FIXTURES", "CaseClock", "case_fixtures"]
+__all__ = ["CASE_FIXTURES", "case_fixtures"]
 
 CASE_FIXTURES = ("artifact", "check", "clock", "iterations", "operator", "parameters", "record", "step")
 """What every case can ask for, whatever its bench is."""
-
-
-class CaseClock:
-    """The `clock` fixture: bench time, as far as a case may see it."""
-
-    def __init__(self, run: CaseRun) -> None:
-        self._run = run
-
-    def sleep(self, seconds: float) -> None:
-        """Let `seconds` of bench time pass; monitors continue."""
-        arguments = {"seconds": seconds}
-        self._run.effects.perform("clock.sleep", "waits", arguments, lambda: self._run.scheduler.sleep(seconds))
 
 
 def case_fixtures(session: Callable[[], Session], roles: Iterable[str]) -> ModuleType:

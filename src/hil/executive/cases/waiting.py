@@ -1,0 +1,142 @@
+"""`clock`: bench time as a case may see it, and how long something took until it was seen."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Protocol
+
+from hil.clock.port import NANOSECONDS
+from hil.executive.cases.effects import Effects
+from hil.executive.cases.escapes import OfThisProcess
+from hil.executive.watching.scheduler import Scheduler
+from hil.model.errors import HilError, Misused, NotMet
+from hil.model.figure import Figure
+from hil.model.provenance import Provenance, merged
+
+__all__ = ["CaseClock", "WaitingCase", "span"]
+
+_CLOCK_ERROR = 1e-4
+"""Relative: the quartz of a computer is within 100 ppm, whether or not anything disciplines it."""
+
+
+class WaitingCase(Protocol):
+    """The case whose clock it is."""
+
+    @property
+    def effects(self) -> Effects:
+        """Where waits are noted."""
+        ...
+
+    @property
+    def scheduler(self) -> Scheduler:
+        """Lets bench time pass."""
+        ...
+
+    def refused(self, error: HilError) -> None:
+        """Note what the case asked for and was not done, before it learns of it."""
+        ...
+
+
+class CaseClock(OfThisProcess):
+    """The `clock` fixture: bench time, as far as a case may see it."""
+
+    said = "`clock`"
+
+    def __init__(self, case: WaitingCase) -> None:
+        self._case = case
+        self._effects, self._scheduler = case.effects, case.scheduler
+
+    def now(self) -> float:
+        """Return the bench time in s, that of the last operation or wait; only differences mean anything."""
+        self._scheduler.point()
+        return self._effects.perform("clock.now", "reads", {}, lambda: self._scheduler.now_ns() / NANOSECONDS)
+
+    def sleep(self, seconds: float) -> None:
+        """Let `seconds` of bench time pass; monitors continue."""
+        self._effects.perform("clock.sleep", "waits", {"seconds": seconds}, lambda: self._scheduler.sleep(seconds))
+
+    def until(
+        self, condition: Callable[[], object], *, within: float, since: float | None = None, every: float = 0.01
+    ) -> Figure:
+        """Wait until a condition is met, and return how long that took, in s.
+
+        The condition is looked at again and again; it reads instruments, which stand behind the figure. What it waits
+        for happened between the beginning of the last look that did not show it and the end of the first one that did;
+        what began the time, between `since` and this call. The middles of both spans are taken, and the spans are the
+        uncertainty (rectangles, GUM 4.3.7), together with 100 ppm of the clock.
+
+        Args:
+            condition: called without arguments; met if it returns something true.
+            within: how long to wait at most, from this call on [s].
+            since: bench time from `now` at which the time begins; this call if it is not given.
+            every: from the beginning of one look to the next [s]; a look that takes longer delays the next one.
+
+        Raises:
+            NotMet: the condition was not met in time; what a case that lets it through did not check is INCONCLUSIVE.
+            Misused: for times that are not numbers above zero, or a beginning ahead of now.
+        """
+        self._scheduler.point()
+        called_ns = self._scheduler.now_ns()
+        since_ns = called_ns if since is None else self._beginning(since, called_ns)
+        if not (0 < within < math.inf and 0 < every < math.inf):
+            raise self._misused(f"clock.until cannot wait for {within} s, every {every} s", "give seconds above zero")
+        with self._effects.learning() as learnt:
+            seen = self._look(condition, learnt, called_ns, within, every)
+        behind = merged(*learnt) or Provenance()
+
+        def tell() -> Figure:
+            if seen is None:
+                raise NotMet(
+                    ", ".join(behind.instruments) or "clock",
+                    f"clock.until: the condition was not met within {within:g} s; it read "
+                    f"{', '.join(behind.sources) or 'nothing'}",
+                    "check what should have happened, how it is measured, and how long it may take",
+                )
+            return span((since_ns, called_ns), (since_ns if seen[0] < 0 else seen[0], seen[1]))
+
+        arguments = {"within": within, "every": every, "since": since}
+        took = self._effects.perform("clock.until", "waits", arguments, tell)
+        return took.with_provenance(behind.through("clock.until"))
+
+    def _look(
+        self, condition: Callable[[], object], learnt: list[Provenance], start_ns: int, within: float, every: float
+    ) -> tuple[int, int] | None:
+        """Return when the last look in vain began, -1 without one, and when that ended which was not; None in vain."""
+        vain_ns, turn = -1, 0
+        while True:
+            learnt.clear()  # what the last look reads stands behind the figure
+            began_ns = self._scheduler.now_ns()
+            met = bool(condition())
+            now_ns = self._scheduler.now_ns()
+            if met:
+                return vain_ns, now_ns
+            if now_ns >= start_ns + round(within * NANOSECONDS):
+                return None
+            vain_ns = began_ns
+            turn = max(turn + 1, math.ceil((now_ns - start_ns) / NANOSECONDS / every))
+            self._scheduler.wait_until(start_ns + round(turn * every * NANOSECONDS))
+
+    def _beginning(self, since: object, now_ns: int) -> int:
+        if isinstance(since, bool) or not isinstance(since, int | float) or not 0 <= since <= now_ns / NANOSECONDS:
+            told = f"clock.until: since is a bench time up to {now_ns / NANOSECONDS:g} s, found {since!r}"
+            raise self._misused(told, "take it from clock.now() before what begins the time")
+        return round(since * NANOSECONDS)
+
+    def _misused(self, what: str, hint: str) -> Misused:
+        error = Misused(what, hint)
+        self._case.refused(error)
+        return error
+
+
+def span(began_ns: tuple[int, int], ended_ns: tuple[int, int]) -> Figure:
+    """Return the time between two instants that are each known to lie between two others.
+
+    Args:
+        began_ns: first and last instant at which it may have begun.
+        ended_ns: the same of its end.
+    """
+    middle = (sum(ended_ns) - sum(began_ns)) / 2 / NANOSECONDS
+    halves = [(last - first) / 2 / NANOSECONDS for first, last in (began_ns, ended_ns)]
+    uncertainty = math.hypot(*halves, _CLOCK_ERROR * middle) / math.sqrt(3.0)
+    return Figure(value=middle, unit="s", uncertainty=uncertainty)
