@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from hil.analysis import charge, crossing, peak, rise_time, time_above, time_below
+from hil.analysis import charge, crossing, joule_integral, peak, rise_time, time_above, time_below
 from hil.model.errors import Refused
 from hil.model.figure import FigureStatus
 
@@ -35,6 +35,14 @@ def test_crossing_and_times_beyond_a_level():
     assert crossing(TIME, INRUSH, 1.25, rising=False).value == pytest.approx(half, abs=1e-9)
     assert crossing(TIME, CHARGED, 6.0).status is FigureStatus.NOT_OBSERVABLE
     assert crossing(TIME, CHARGED, 2.5, after=5e-3).status is FigureStatus.NOT_OBSERVABLE
+
+
+def test_joule_integral_of_an_inrush():
+    """A peak of 2.5 A that decays: I² tau / 2; a step of the converter counts twice as much as in the charge."""
+    found = joule_integral(TIME, INRUSH, "A")
+    assert (found.value, found.unit) == (pytest.approx(2.5**2 * TAU / 2, rel=2e-3), "A².s")
+    coarse = joule_integral(TIME, INRUSH, "A", resolution=0.04)
+    assert coarse.uncertainty == pytest.approx(2 * 2.5 * TAU * 0.04 / math.sqrt(12), rel=0.01)
 
 
 def test_peak_and_charge_of_an_inrush():

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
         widened,
     )
     from hil.analysis.tables import Column, as_csv
-    from hil.analysis.transients import charge, crossing, peak, rise_time, time_above, time_below
+    from hil.analysis.transients import charge, crossing, joule_integral, peak, rise_time, time_above, time_below
 
 __all__ = [
     "Certainty",
@@ -67,6 +67,7 @@ __all__ = [
     "fade",
     "field_ratio",
     "from_json",
+    "joule_integral",
     "linearity",
     "magnitude",
     "mean",
@@ -110,7 +111,7 @@ _MODULES = {
     "sampling": ("assess",),
     "statistics": ("magnitude", "mean", "not_observable", "observed", "share_known", "standard_deviation", "widened"),
     "tables": ("Column", "as_csv"),
-    "transients": ("charge", "crossing", "peak", "rise_time", "time_above", "time_below"),
+    "transients": ("charge", "crossing", "joule_integral", "peak", "rise_time", "time_above", "time_below"),
 }
 _HOMES = {name: module for module, names in _MODULES.items() for name in names}
 
