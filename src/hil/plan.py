@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from hil.instruments.cycler_role import Cycler
     from hil.instruments.power_roles import ElectronicLoad, Multimeter, Thermometer
     from hil.instruments.roles import Gyroscope, Magnetometer, Obc, Relays, RotationTable, Supply, Thermal
-    from hil.instruments.signal_roles import FunctionGenerator, Oscilloscope
+    from hil.instruments.signal_roles import DataAcquisition, FunctionGenerator, Oscilloscope
     from hil.model.errors import Implausible, NoReply, NotInTime, NotMet, NotTriggered, Refused
     from hil.model.figure import Figure, FigureStatus
 
@@ -26,6 +26,7 @@ __all__ = [
     "Artifacts",
     "Checks",
     "Cycler",
+    "DataAcquisition",
     "ElectronicLoad",
     "Figure",
     "FigureStatus",
@@ -62,7 +63,7 @@ _MODULES = {
     "instruments.cycler_role": ("Cycler",),
     "instruments.power_roles": ("ElectronicLoad", "Multimeter", "Thermometer"),
     "instruments.roles": ("Gyroscope", "Magnetometer", "Obc", "Relays", "RotationTable", "Supply", "Thermal"),
-    "instruments.signal_roles": ("FunctionGenerator", "Oscilloscope"),
+    "instruments.signal_roles": ("DataAcquisition", "FunctionGenerator", "Oscilloscope"),
     "model.errors": ("Implausible", "NoReply", "NotInTime", "NotMet", "NotTriggered", "Refused"),
     "model.figure": ("Figure", "FigureStatus"),
 }

@@ -1,4 +1,4 @@
-"""Roles of instruments that see or make signals: oscilloscope, function generator."""
+"""Roles of instruments that see or make signals: data acquisition, oscilloscope, function generator."""
 
 from __future__ import annotations
 
@@ -6,15 +6,30 @@ from typing import Annotated, Protocol
 
 from hil.instruments.marks import begins, drives, reads
 from hil.instruments.role import Role
-from hil.instruments.sampled import Captured
+from hil.instruments.sampled import Captured, Streamed
 from hil.model.figure import Figure
 
 __all__ = [
+    "DATA_ACQUISITION",
     "FUNCTION_GENERATOR",
     "OSCILLOSCOPE",
+    "DataAcquisition",
     "FunctionGenerator",
     "Oscilloscope",
 ]
+
+
+class DataAcquisition(Streamed, Protocol):
+    """Several inputs, analogue and digital, that one instrument reads one after the other.
+
+    They have the names and units that the wiring gives them; a digital input is a byte, unit 1. A row of a recording
+    has the time of its first input, and a channel `NAME_after` for each other one: how much later that was read, in s.
+    """
+
+    @reads
+    def read(self, channel: str) -> Figure:
+        """Read one input in its unit; not observable where it is open or beyond its range."""
+        ...
 
 
 class Oscilloscope(Captured, Protocol):
@@ -94,6 +109,8 @@ class FunctionGenerator(Protocol):
         """Return the largest voltage away from zero that its settings give [V], whether or not it is on."""
         ...
 
+
+DATA_ACQUISITION = Role(name="data_acquisition", protocol=DataAcquisition)
 
 FUNCTION_GENERATOR = Role(
     name="function_generator",

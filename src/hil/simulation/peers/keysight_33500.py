@@ -16,8 +16,8 @@ from hil.clock.port import NANOSECONDS
 from hil.model.notation import AnyText, NotNegative, Number
 from hil.simulation.faults import Identity
 from hil.simulation.peers.model import PeerModel, PeerSetup
-from hil.simulation.peers.scpi import ScpiError
-from hil.simulation.peers.signal_instrument import SignalInstrument, choice, none, one, switch, value
+from hil.simulation.peers.scpi import ScpiError, choice, none, one, switch, value
+from hil.simulation.peers.signal_instrument import SignalInstrument
 from hil.simulation.peers.supply_output import RefuseOff
 from hil.simulation.plants.signal_node import driven
 from hil.simulation.plants.terminal import InputPoint

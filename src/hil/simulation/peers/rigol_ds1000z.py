@@ -22,8 +22,8 @@ from hil.clock.port import NANOSECONDS
 from hil.model.notation import AnyText, NotNegative, Number, Positive
 from hil.simulation.faults import Fault, Identity
 from hil.simulation.peers.model import PeerModel, PeerSetup
-from hil.simulation.peers.scpi import ScpiError
-from hil.simulation.peers.signal_instrument import SignalInstrument, choice, none, one, switch, value
+from hil.simulation.peers.scpi import ScpiError, choice, none, one, switch, value
+from hil.simulation.peers.signal_instrument import SignalInstrument
 from hil.simulation.peers.timing import Alarm
 from hil.simulation.plants.terminal import SignalPoint
 from hil.simulation.seeds import RandomStream

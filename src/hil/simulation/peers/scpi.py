@@ -15,16 +15,22 @@ __all__ = [
     "ErrorQueue",
     "ScpiError",
     "channel_list",
+    "choice",
     "keyword",
     "leading_channel",
     "no_channel",
+    "none",
     "number",
+    "one",
     "split",
+    "switch",
     "units",
+    "value",
     "word",
 ]
 
 _QUEUE = 20
+_ON_OFF = {"ON": True, "1": True, "OFF": False, "0": False}
 _MESSAGES = {
     0: "No error",
     -102: "Syntax error",
@@ -155,6 +161,46 @@ def leading_channel(parameters: Sequence[str]) -> tuple[list[str], list[int] | N
 def no_channel(parameters: Sequence[str]) -> tuple[list[str], list[int] | None]:
     """Leave parameters as they are: none of them names an output."""
     return list(parameters), None
+
+
+def one(given: Sequence[str]) -> str:
+    """Return the one parameter of a command."""
+    if len(given) != 1:
+        raise ScpiError(-108 if given else -109)
+    return given[0]
+
+
+def none(given: Sequence[str], result: str | None = None) -> str | None:
+    """Return a result, where nothing was given."""
+    if given:
+        raise ScpiError(-108)
+    return result
+
+
+def value(text: str, low: float, high: float) -> float:
+    """Return a number within bounds, which MIN and MAX name."""
+    bound = {"MIN": low, "MAX": high}.get(word(text) or "")
+    found = number(text, {}) if bound is None else bound
+    if not low <= found <= high:
+        raise ScpiError(-222)
+    return found
+
+
+def choice(text: str, *words: str) -> str:
+    """Return the short form of a word that manuals print as `POSitive`."""
+    for word in words:
+        short = "".join(letter for letter in word if not letter.islower())
+        if text.upper() in {short, word.upper()}:
+            return short
+    raise ScpiError(-224)
+
+
+def switch(text: str) -> bool:
+    """Return whether a word is ON."""
+    on = _ON_OFF.get(text.upper())
+    if on is None:
+        raise ScpiError(-224)
+    return on
 
 
 def _parameters(text: str) -> tuple[str, ...]:

@@ -69,6 +69,7 @@ class ScpiInstrument(Stateful):
         self._clock = clock
         self._due, self._watching = Alarm(clock, self._work), Alarm(clock, self._protect)
         for channel in self._channels.values():
+            channel.attach(clock)
             channel.apply()
             if self._manual.watches:
                 channel.listen(self._look)

@@ -9,6 +9,7 @@ from typing import Any, Literal
 from hil.simulation.faults import Fault
 from hil.simulation.peers.manner import DeviceTruth, Manner
 from hil.wire.checkpoint import Stateful
+from hil.wire.peer import PeerClock
 
 __all__ = ["Act", "By", "Channel", "Clear", "Manual", "Numbers", "Reading", "Row", "Setting", "Switch", "Whole", "Word"]
 
@@ -28,6 +29,10 @@ class Channel(Stateful):
     def reset(self, now_ns: int) -> None:
         """Return to the settings of power-on."""
         del now_ns
+
+    def attach(self, clock: PeerClock) -> None:
+        """Learn the clock of what happens by itself, before anything else."""
+        del clock
 
     def apply(self) -> None:
         """Give to the terminals what the settings say."""

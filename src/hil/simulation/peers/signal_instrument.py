@@ -7,16 +7,15 @@ from collections.abc import Callable, Sequence
 from typing import ClassVar
 
 from hil.simulation.faults import Faults, Identity
-from hil.simulation.peers.scpi import ErrorQueue, ScpiError, keyword, number, units
+from hil.simulation.peers.scpi import ErrorQueue, ScpiError, keyword, none, units
 from hil.simulation.peers.timing import Alarm
 from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import Line, PeerClock
 
-__all__ = ["Action", "SignalInstrument", "choice", "none", "one", "switch", "value"]
+__all__ = ["Action", "SignalInstrument"]
 
 _LONGEST_LINE = 1024
 _MOST_LINES = 256
-_ON_OFF = {"ON": True, "1": True, "OFF": False, "0": False}
 
 Action = Callable[[int, Sequence[str]], str | bytes | None]
 """Executes a unit of a message: the number in its header, 1 where it has none, and its parameters."""
@@ -116,42 +115,3 @@ class SignalInstrument(Stateful):
     def _identify(self) -> str:
         fault = self._faults.now(Identity, self._clock.now_ns())
         return f"{fault.value} SIMULATED" if fault else self._identity
-
-
-def one(given: Sequence[str]) -> str:
-    """Return the one parameter of a command."""
-    if len(given) != 1:
-        raise ScpiError(-108 if given else -109)
-    return given[0]
-
-
-def none(given: Sequence[str], result: str | None = None) -> str | None:
-    """Return a result, where nothing was given."""
-    if given:
-        raise ScpiError(-108)
-    return result
-
-
-def value(text: str, low: float, high: float) -> float:
-    """Return a number within bounds."""
-    found = number(text, {})
-    if not low <= found <= high:
-        raise ScpiError(-222)
-    return found
-
-
-def choice(text: str, *words: str) -> str:
-    """Return the short form of a word that manuals print as `POSitive`."""
-    for word in words:
-        short = "".join(letter for letter in word if not letter.islower())
-        if text.upper() in {short, word.upper()}:
-            return short
-    raise ScpiError(-224)
-
-
-def switch(text: str) -> bool:
-    """Return whether a word is ON."""
-    on = _ON_OFF.get(text.upper())
-    if on is None:
-        raise ScpiError(-224)
-    return on
