@@ -17,8 +17,10 @@ RUNS = (
     ("magnetorquer", "adcs", "SIM-ADCS-1"),
     ("jig", "adcs", "SIM-ADCS-1"),
     ("battery_charge", "battery", "SIM-BAT-1"),
+    ("eps", "eps", "SIM-EPS-1"),
 )
 MAGNETORQUER = {"ADCS-001", *(f"ADCS-MTQ-0{number}0" for number in range(1, 7))}
+POWER_BOARD = {"EPS-002", *(f"EPS-PWR-0{number}0" for number in range(1, 7))}
 NO_STAGE = "the requirement names no stage"
 OF_THIS_COPY = "the product "
 """How a reason begins that tells of the copy of the product that is tested: it may have changes, or no commit."""
@@ -34,7 +36,7 @@ def hil(folder, *arguments, codes=(0,)):
 
 @pytest.fixture(scope="module")
 def audited(tmp_path_factory):
-    """Return what the audit says after the three quick campaigns, in a copy of the workspace under version control."""
+    """Return what the audit says after the four quick campaigns, in a copy of the workspace under version control."""
     root = tmp_path_factory.mktemp("own")
     for name in ("testplans", "fixtures"):
         shutil.copytree(ROOT / name, root / name, ignore=shutil.ignore_patterns("__pycache__"))
@@ -71,7 +73,7 @@ def test_simulated_campaigns_close_nothing(audited):
     """Whatever their verdicts, and although nothing else is missing."""
     assert audited["summary"]["closed"] == 0
     spoken = [row for row in audited["rows"] if row["evidence"]]
-    assert {"magnetorquer", "jig", "battery_charge"} == {row["planning"]["plan"] for row in spoken}
+    assert {"magnetorquer", "jig", "battery_charge", "eps"} == {row["planning"]["plan"] for row in spoken}
     assert all("SIM_ONLY" in {each["code"] for each in row["reasons"]} for row in spoken)
     assert audited["problems"] == []
 
@@ -79,7 +81,7 @@ def test_simulated_campaigns_close_nothing(audited):
 def test_the_same_on_hardware_would_close_what_passed_at_its_stage(audited):
     """There is a flight unit of each part in the register, so that only the run itself can leave anything open."""
     would = {row["id"]: left_open(row) for row in audited["rows"] if row.get("on_hardware")}
-    assert {name for name, left in would.items() if not left} >= MAGNETORQUER
+    assert {name for name, left in would.items() if not left} >= MAGNETORQUER | POWER_BOARD
     jig = {name: left for name, left in would.items() if name.startswith("JIG-")}
     assert len(jig) == 3
     assert set(map(tuple, jig.values())) == {(NO_STAGE,)}, "the jig is no part of the satellite"
