@@ -242,7 +242,7 @@ def monitor(clock, spec, *, value=5.0, takes=0.004):
 
 def scheduler(clock, *monitors, flags=None, watch=None):
     """Return a scheduler that watches from now."""
-    bench = SimpleNamespace(clock=clock, live=None, playback=None, speed=1.0, transcript=Transcript(None))
+    bench = SimpleNamespace(clock=clock, live=None, playback=None, speed=1.0, transcript=Transcript(None), ports=[])
     made = Scheduler(bench, monitors, flags or StopFlags(), watch or Watch(), OnBench(bench, NoMachine()))
     made.watch_from_now()
     return made

@@ -11,11 +11,11 @@ from hil.bench.connections import stays_on
 from hil.bench.cut_trials import cut_path_gates
 from hil.bench.gate import Gate
 from hil.bench.port_identity import difference_of
-from hil.bench.safe_off import left_on
+from hil.bench.safe_off import SafeResult, left_on
 from hil.bench.self_test import self_test
 from hil.instruments.cycler_role import Cycler
 from hil.instruments.roles import Relays, Supply, Watched
-from hil.model.bench import InstrumentSpec, Position, ReducedLevel, Wire
+from hil.model.bench import InstrumentSpec, Position, ReducedLevel, SafeStep, Wire
 from hil.model.cutting import CutPath
 from hil.model.errors import HilError
 from hil.model.identity import Dut, Identity, Source
@@ -62,16 +62,18 @@ def energised_gates(bench: BoundBench, dut: Dut | None) -> Iterator[Gate]:
     Whatever is tried is off again, and proven to be, when its gates are given. Nothing is tried on a bench
     that cannot be made safe, and nothing more once an output stayed on.
     """
-    stayed = "; ".join(left_on(bench.spec.safe_off, bench))
-    yield Gate("safe state reached", not stayed, stayed or "every line of safe_off is proven")
+    taken: list[SafeResult] = []
+    stayed = left_on(bench.spec.safe_off, bench, taken.append)
+    detail = "; ".join([*stayed, *_too_slow(bench.spec.safe_off, taken)])
+    yield Gate("safe state reached", not stayed, detail or "every line of safe_off is proven")
     if stayed:
         return
     for wire in bench.spec.wiring:
         if wire.reduced is not None:
-            gates, stayed = _reduced_level(bench, wire, wire.reduced, dut)
+            gates, on = _reduced_level(bench, wire, wire.reduced, dut)
             yield from gates
-            if stayed:
-                yield Gate(f"{wire.name} off again", ok=False, detail=stayed)
+            if on:
+                yield Gate(f"{wire.name} off again", ok=False, detail=on)
                 return
         elif wire.role == "supply":
             told = f"{wire.name} was not tried at a reduced level: its wire has none"
@@ -88,6 +90,14 @@ def energised_gates(bench: BoundBench, dut: Dut | None) -> Iterator[Gate]:
             else "does not trip on the readings that it should"
         )
         yield Gate(f"envelope {limit.id}", trips, detail)
+
+
+def _too_slow(lines: Sequence[SafeStep], taken: Sequence[SafeResult]) -> Iterator[str]:
+    """Say which lines have less time than they took just now: at the end of a run that would be an unsafe bench."""
+    for number, (line, result) in enumerate(zip(lines, taken, strict=True), 1):
+        if result.late:
+            needs = f"line {number} of safe_off needs at least {result.seconds:.3g} s with the replies of this bench"
+            yield f"{needs}; it allows {line.within_s:g} s: give it more time with 'within'"
 
 
 def _identity(bench: BoundBench, instrument: InstrumentSpec, dut: Dut | None) -> Gate:

@@ -23,13 +23,14 @@ _ATTEMPTS = 3
 
 @dataclass(frozen=True, slots=True)
 class SafeResult:
-    """The outcome of one line of the safe-off; `seconds` of bench time."""
+    """The outcome of one line of the safe-off; `seconds` of bench time, `late` if it was proven after its time."""
 
     output: str
     state: str
     ok: bool
     detail: str
     seconds: float
+    late: bool = False
 
 
 def make_safe(
@@ -119,9 +120,9 @@ def _take(
         if ok:
             break
     seconds = (clock.now_ns() - start_ns) / NANOSECONDS
-    if ok and seconds > within_s:
+    if late := ok and seconds > within_s:
         ok, detail = False, f"reached after {seconds:.3g} s, {within_s:g} s allowed"
-    return SafeResult(step.output, step.state, ok, detail, seconds)
+    return SafeResult(step.output, step.state, ok, detail, seconds, late)
 
 
 def _try(step: SafeStep, roles: Mapping[str, object], clock: Clock, deadline_ns: int) -> tuple[bool, str]:

@@ -73,7 +73,7 @@ class KoradLine:
 
     def __init__(self, device: str, port: Port, clock: Clock, *, timeout: float = LONGEST_REPLY_S) -> None:
         self._device = device
-        self.timeout = min(timeout, LONGEST_REPLY_S)
+        self.timeout = timeout
         self._port = PacedPort(port, clock, _SILENCE_S)
         self._identification = b""
         self._end = b""

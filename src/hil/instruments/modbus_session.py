@@ -51,7 +51,7 @@ class ModbusSession:
     def __init__(self, device: str, port: Port, clock: Clock, unit: int, *, timeout: float = LONGEST_REPLY_S) -> None:
         self._device = device
         self._unit = unit
-        self._timeout = min(timeout, LONGEST_REPLY_S)
+        self._timeout = timeout
         self._client = ModbusLine(port, clock, unit, self._timeout)
         self._settled = True
 

@@ -72,7 +72,7 @@ class EspSession:
     """
 
     def __init__(self, device: str, port: Port, clock: Clock, *, timeout: float = LONGEST_REPLY_S) -> None:
-        self.timeout = min(timeout, LONGEST_REPLY_S)
+        self.timeout = timeout
         self._device = device
         self._port = port
         self._clock = clock

@@ -83,7 +83,7 @@ class ScpiSession:
         self._device = device
         self._port = port
         self._terminator = terminator
-        self._timeout = min(timeout, LONGEST_REPLY_S)
+        self._timeout = timeout
         self._error_query = error_query
         self._framed = framed
         self._fields = fields

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import math
 import os
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Protocol, TypeVar
@@ -16,10 +17,13 @@ from hil.wire.transcript import Transcript
 if TYPE_CHECKING:
     from smbus2 import i2c_msg
 
-__all__ = ["LONGEST_TRANSACTION", "Opened", "TappedBus", "TappedPort", "message_bytes"]
+__all__ = ["LONGEST_TRANSACTION", "LONGEST_WAIT", "Opened", "TappedBus", "TappedPort", "message_bytes"]
 
 LONGEST_TRANSACTION = 0.5
 """Seconds that one operation may take at most: nothing looks at stop flags and monitors in the meantime."""
+
+LONGEST_WAIT = 2.0
+"""Seconds that a reply may be waited for, in several operations, between which the guardian hears of the run."""
 
 _DTR_LOW_S = 0.1  # the capacitor at DTR is charged in a few ms
 _READ_FLAG = 0x0001
@@ -80,7 +84,10 @@ class TappedPort(_Tap):
         port: the open port, whatever its URL.
         clock: the bench's clock.
         transcript: where operations are noted.
-        timeout: seconds that a read waits, 0.5 at most.
+        timeout: seconds that a read waits, 2 at most; beyond 0.5 in several operations of equal length.
+
+    Attributes:
+        silences: how often a read ended without a byte.
     """
 
     def __init__(
@@ -95,7 +102,9 @@ class TappedPort(_Tap):
         self._port = port
         self._end = port.end
         self._ahead = bytearray()
-        self._timeout = -1.0
+        self._timeout = self._slice_s = -1.0
+        self._slices = 1
+        self.silences = 0
         self.timeout = timeout
 
     @property
@@ -105,9 +114,11 @@ class TappedPort(_Tap):
 
     @timeout.setter
     def timeout(self, seconds: float) -> None:
-        if not 0 <= seconds <= LONGEST_TRANSACTION:
-            raise ValueError(f"{self.device}: a timeout is 0 to {LONGEST_TRANSACTION} s, not {seconds}")
+        if not 0 <= seconds <= LONGEST_WAIT:
+            raise ValueError(f"{self.device}: a timeout is 0 to {LONGEST_WAIT:g} s, not {seconds}")
         self._timeout = seconds
+        self._slices = max(1, math.ceil(seconds / LONGEST_TRANSACTION))
+        self._slice_s = seconds / self._slices
 
     @property
     def in_waiting(self) -> int:
@@ -137,11 +148,14 @@ class TappedPort(_Tap):
         """Write all bytes, and return what comes: the first byte within the timeout, and what is there with it."""
         start_ns = self._now_ns()
         try:
-            received = self._end.exchange(data, self._timeout)
+            received = self._end.exchange(data, self._slice_s)
         except OSError as error:
             self._failed("exchange", start_ns, error, data)
             raise self._gone(error) from error
         self._note(self.device, "exchange", start_ns, self._now_ns(), data, received)
+        if not received and (first := self._read_on(1)):
+            received = first + self.read(self.in_waiting)
+        self.silences += not received
         return received
 
     def read(self, size: int = 1) -> bytes:
@@ -182,9 +196,25 @@ class TappedPort(_Tap):
         self._end.dtr_rose()
 
     def _read(self, size: int) -> bytes:
+        data = self._read_once(size)
+        if self._slices > 1 and len(data) < size:
+            data += self._read_on(size - len(data))
+        self.silences += not data
+        return data
+
+    def _read_on(self, size: int) -> bytes:
+        """Read in the operations of the timeout that are left after the first one, until all is there."""
+        data = b""
+        for _ in range(self._slices - 1):
+            data += self._read_once(size - len(data))
+            if len(data) == size:
+                break
+        return data
+
+    def _read_once(self, size: int) -> bytes:
         start_ns = self._now_ns()
         try:
-            data = self._end.read(size, self._timeout)
+            data = self._end.read(size, self._slice_s)
         except OSError as error:
             self._failed("read", start_ns, error)
             raise self._gone(error) from error

@@ -45,7 +45,7 @@ MISTAKES = [
         "CR\n",
         "the protocol of eurotherm-3216 fixes what ends a message: leave terminator out",
     ),
-    (of_tec("timeout: 501 ms"), "501 ms", "timeout must be at most 500 ms"),
+    (of_tec("timeout: 2001 ms"), "2001 ms", "timeout must be at most 2 s"),
     (of_tec("timeout: 0 ms"), "0 ms\n", "must be longer than 0 s"),
     ({PSU1: f"{PSU1}\n    serial_line: {{}}"}, "{}\n", "psu1 is at a port of kind socket, which has no serial_line"),
     ({PSU1: f'{PSU1}\n    baud: "9600"'}, '"9600"\n    identity: {man', "a port of kind socket, which has no baud"),

@@ -183,6 +183,21 @@ def test_a_defect_of_a_driver_is_a_gate_that_does_not_hold(monkeypatch, operatio
     assert [each.name for each in found.values() if not each.ok] == [gate]
 
 
+def test_a_line_of_the_safe_off_without_enough_time_for_slow_replies_is_told_before_anything_is_driven(monkeypatch):
+    """Proven too late is not proven: at the end of a run it would be an unsafe bench."""
+    spec = adcs()
+    with bound(spec) as bench:
+        supply, off = bench.roles["supply.coil"], bench.roles["supply.coil"].disable
+        monkeypatch.setattr(supply, "disable", lambda: (bench.clock.sleep(9.0), off()))
+        (gate,) = energised_gates(bench, None)
+    number = 1 + [line.output for line in spec.safe_off].index("supply.coil")
+    assert not gate.ok
+    needs = (
+        rf"line {number} of safe_off needs at least 9\.\d* s with the replies of this bench; it allows \d s: give it"
+    )
+    assert re.search(needs, gate.detail), gate.detail
+
+
 @pytest.mark.parametrize(("device", "serial"), [("psu1", "MY59002391"), ("mag1", "LIS3MDL")])
 def test_article_is_recognised_by_any_device(device, serial):
     """What is read there must be what the register says, for devices with power of their own too."""

@@ -104,7 +104,7 @@ def scheduled(distress):
     clock, flags = LiveClock("2026-01-01T00:00:00Z"), StopFlags()
     flags.turns = 1
     watch = Leaving(flags)
-    bench = SimpleNamespace(clock=clock, live=clock, playback=None, speed=1.0, transcript=Transcript(None))
+    bench = SimpleNamespace(clock=clock, live=clock, playback=None, speed=1.0, transcript=Transcript(None), ports=[])
 
     class Machine(NoMachine):
         """A machine in distress."""

@@ -105,7 +105,7 @@ def test_silence_trips_when_the_last_reading_is_too_old():
 def test_nothing_is_read_before_and_after_the_watch():
     """Monitors run from arming to the safe state, in between and not else."""
     clock, watch = VirtualClock(), Watch()
-    bench = SimpleNamespace(clock=clock, live=None, playback=None, speed=1.0, transcript=Transcript(None))
+    bench = SimpleNamespace(clock=clock, live=None, playback=None, speed=1.0, transcript=Transcript(None), ports=[])
     scheduled = Scheduler(bench, [monitor(clock, limit())], StopFlags(), watch, OnBench(bench, NoMachine()))
     scheduled.sleep(5.0)
     assert watch.readings == []
@@ -262,6 +262,26 @@ def test_the_silence_of_a_monitors_device_is_told_to_the_case():
     assert clock.now() == pytest.approx(3.2)
 
 
+@pytest.mark.parametrize("asked_again", [False, True])
+def test_a_slow_line_is_no_silence(asked_again):
+    """A reading of many slow exchanges is the bench's fault only where one of them had to be asked again."""
+    port, told = SimpleNamespace(silences=0), []
+
+    def slow():
+        clock.sleep(0.9)
+        port.silences += asked_again
+        return 1.0
+
+    clock, scheduled, _ = watched(limit(max_age=30.0), value=slow)
+    spec = SimpleNamespace(instrument=lambda name: SimpleNamespace(name=name))
+    spec.wire = lambda _: SimpleNamespace(instrument="psu1")
+    scheduled._bench.spec, scheduled._bench.ports = spec, [port]
+    scheduled.monitoring.case = SimpleNamespace(fault=lambda device, fault: told.append((device.name, str(fault))))
+    scheduled.sleep(1.0)
+    assert bool(told) is asked_again
+    assert all("asked for more than once" in said for _, said in told)
+
+
 class Record:
     """A playback that holds turns of monitors."""
 
@@ -292,7 +312,7 @@ class Record:
 def test_replayed_monitors_follow_the_record():
     """In a replay a monitor runs in the wait in which the record has it, whatever is due."""
     clock, watch, record = VirtualClock(), Watch(), Record(0, 300_000_000, 2_500_000_000)
-    bench = SimpleNamespace(clock=clock, live=None, playback=record, speed=1.0, transcript=Transcript(None))
+    bench = SimpleNamespace(clock=clock, live=None, playback=record, speed=1.0, transcript=Transcript(None), ports=[])
     timeline = timeline_of(bench, NoMachine(), SimpleNamespace(course=0))
     scheduled = Scheduler(bench, [monitor(clock, limit(), takes=0.0)], StopFlags(), watch, timeline)
     scheduled.watch_from_now()

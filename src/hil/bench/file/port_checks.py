@@ -10,7 +10,7 @@ from hil.instruments.registry import DRIVERS
 from hil.model.bench import BenchSpec, InstrumentSpec
 from hil.model.notation import Path
 from hil.wire.opening import MESSAGES, PortKind, kind_of
-from hil.wire.tap import LONGEST_TRANSACTION
+from hil.wire.tap import LONGEST_WAIT
 
 __all__ = ["identities", "settings"]
 
@@ -57,9 +57,9 @@ def settings(spec: BenchSpec) -> Complaints:
             given = {"terminator": bool(item.terminator), "timeout": item.timeout_s > 0}
             for key in (key for key, is_given in given.items() if is_given):
                 yield (*path, key), f"{item.name} is on a bus, which has no {key}"
-        if item.timeout_s > LONGEST_TRANSACTION:
+        if item.timeout_s > LONGEST_WAIT:
             why = "nothing else is looked at while a reply is waited for"
-            yield (*path, "timeout"), f"{item.name}: timeout must be at most {LONGEST_TRANSACTION * 1000:g} ms: {why}"
+            yield (*path, "timeout"), f"{item.name}: timeout must be at most {LONGEST_WAIT:g} s: {why}"
         yield from _fixed(path, item)
 
 

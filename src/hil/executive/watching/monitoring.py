@@ -90,7 +90,7 @@ class Monitoring:
             self.run(now_ns, timeline)
 
     def _take(self, monitor: Monitor, name: str) -> None:
-        now_ns = self._clock.now_ns()
+        now_ns, silences = self._clock.now_ns(), self._silences()
         self._bench.transcript.note(monitor.limit.id, name, now_ns, now_ns)
         try:
             if late_s := monitor.late_s(now_ns):
@@ -103,7 +103,8 @@ class Monitoring:
             if trip:
                 trip = Trip(trip.limit, trip.value, trip.unit, f"{trip.text} ({fault})")
         else:
-            self._tell_of_silence(monitor, self._clock.now_ns() - now_ns)
+            if self._silences() > silences:
+                self._tell_of_silence(monitor, self._clock.now_ns() - now_ns)
         self._reports.reading(monitor.limit.id, self._clock.now(), figure)
         if trip:
             self._trip(trip)
@@ -114,6 +115,9 @@ class Monitoring:
             lasted = f"the {monitor.limit.words} of {monitor.limit.output} came after {lasted_ns / NANOSECONDS:.3g} s"
             instrument = self._instrument(monitor)
             self._tell(monitor, NoReply(instrument.name, f"{lasted}, asked for more than once", "check its line"))
+
+    def _silences(self) -> int:
+        return sum(port.silences for port in self._bench.ports)
 
     def _tell(self, monitor: Monitor, fault: DeviceFault) -> None:
         """Tell the present case: what it records in the meantime has a gap that is the bench's, not the DUT's."""

@@ -56,7 +56,7 @@ class CyclerSession(Hearing):
 
     def __init__(self, device: str, port: Port, clock: Clock, *, timeout: float = LONGEST_REPLY_S) -> None:
         super().__init__(device, port, clock)
-        self.within_s = min(timeout, LONGEST_REPLY_S) + _LINES_S
+        self.within_s = timeout + _LINES_S
         self.tag = 0
         self.sent_bytes = 0
         self.reply_bytes = 0
