@@ -41,6 +41,14 @@ def _no_collection_after_each_run():
         yield
 
 
+@pytest.fixture(scope="session", autouse=True)
+def _no_index_outside(tmp_path_factory):
+    """Keep the index of the runs that tests list out of the user's own folder."""
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr("hil.evidence.index.cache_folder", lambda kind: tmp_path_factory.getbasetemp() / kind)
+        yield
+
+
 def pytest_collection_finish():
     """Leave what was collected out of every later garbage collection: it stays until the end."""
     _freeze()

@@ -1,15 +1,8 @@
-"""What an audit found earlier in files that did not change since, so that it need not read them again.
-
-A package is known again by path, size, inode, and the times of content and inode of every file in it, to the
-nanosecond, and by the version of the product. Nobody but the administrator of a machine can set the time of an inode,
-so that a file that was changed and set back is read again. The cache is kept in the user's own folder, never beside
-the packages, so that nobody who hands over packages hands over what is believed of them.
-"""
+"""What an audit found earlier in files that did not change since, see `hil.evidence.unchanged`."""
 
 from __future__ import annotations
 
 import hashlib
-import os
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -17,29 +10,13 @@ from typing import TypeVar
 
 import msgspec
 
-import hil
 from hil.audit.inputs import Asked, Package
 from hil.evidence.durable import write_whole
-from hil.evidence.package.listing import list_folder
+from hil.evidence.unchanged import folder_key
 
-__all__ = ["Cache", "cache_folder", "product_key"]
+__all__ = ["Cache"]
 
 _Kept = TypeVar("_Kept")
-
-
-def cache_folder() -> Path:
-    """Return the user's folder for what can be computed again."""
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "hil" / "audit"
-
-
-def product_key() -> str:
-    """Return what identifies the code of the product: whatever of it changes, everything is computed again."""
-    root = Path(hil.__file__).parent
-    content = hashlib.sha256()
-    for file in sorted(root.rglob("*.py")):
-        its = file.stat()
-        content.update(f"{file} {its.st_size} {its.st_mtime_ns}\n".encode(errors="surrogateescape"))
-    return content.hexdigest()
 
 
 class Cache:
@@ -79,20 +56,7 @@ class Cache:
 
     def _key_of(self, folder: Path) -> str:
         """Return what a package is known again by; empty where something in it cannot be looked at."""
-        if self._place is None:
-            return ""
-        listing = list_folder(folder)
-        content = hashlib.sha256(f"{self._version}\0{folder.resolve()}\0".encode(errors="surrogateescape"))
-        if listing.odd or listing.empty:
-            return ""
-        try:
-            for path in listing.files:
-                its = (folder / path).lstat()
-                told = f"{path}\0{its.st_size} {its.st_mtime_ns} {its.st_ctime_ns} {its.st_ino} {its.st_dev}\0"
-                content.update(told.encode(errors="surrogateescape"))
-        except OSError:
-            return ""
-        return content.hexdigest()
+        return "" if self._place is None else folder_key(folder, self._version)
 
     def _get(self, key: str, kind: type[_Kept]) -> _Kept | None:
         if self._place is None or not key:

@@ -5,16 +5,22 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from contextlib import suppress
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
+from typing import Any
 
 from hil.clock import wall
 from hil.documents.canonical import JsonError, parse_strict
-from hil.evidence.durable import open_plain
+from hil.evidence.durable import open_plain, read_plain
 from hil.evidence.events import Anomaly, Attachment, End, Note
 from hil.evidence.folder import JOURNAL, is_held, is_run, is_sealed
-from hil.evidence.journal.reader import JournalLine, JournalReading, read_journal, require_known_format
+from hil.evidence.index import Index, Seen
+from hil.evidence.journal.reader import JournalLine, JournalReading, read_ends, read_journal, require_known_format
 from hil.evidence.ledger.book import Ledger, read
+from hil.evidence.ledger.packages import Seals
+from hil.evidence.package.bag import INFO, MANIFEST, digest_of_manifest, identifier_of
+from hil.evidence.package.listing import shown
 from hil.evidence.package.look import LOOKED_AT, look
 from hil.evidence.package.sealing import lost_files
 from hil.evidence.package.verification import NO_SEAL, State, in_short, verify
@@ -85,22 +91,73 @@ def run_folders(reports: Path) -> list[Path]:
     Raises:
         EvidenceError: if the folder of reports cannot be read.
     """
+    return sorted(_inside(reports), key=lambda path: (_began(path), os.fsencode(path.name)))
+
+
+def _inside(reports: Path) -> list[Path]:
     try:
-        inside = [path for path in reports.iterdir() if not path.name.startswith(".") and _is_one(path)]
+        return [path for path in reports.iterdir() if not path.name.startswith(".") and _is_one(path)]
     except FileNotFoundError:
         return []
     except OSError as error:
         raise EvidenceError(f"{reports}: cannot be read: {error.strerror}", "check who may read it") from error
-    return sorted(inside, key=lambda path: (_began(path), os.fsencode(path.name)))
 
 
-def find_runs(reports: Path) -> list[RunSummary]:
+def find_runs(reports: Path, index: Index | None = None) -> list[RunSummary]:
     """Return every run in the folder of reports, the newest last; one that cannot be read says why.
 
     Sealed ones get a quick look, see `hil.evidence.package.look`.
+
+    Args:
+        reports: the folder of reports.
+        index: what is known of runs that did not change. Of these nothing is read, and case, step, time and age are
+            not told; the ledger has its say on every one.
     """
     ledger = read(reports)
-    return [_whatever_it_is(folder, ledger) for folder in run_folders(reports)]
+    index = index or Index(None, "")
+    seals = Seals(ledger)
+    keys = ((folder, index.key(folder)) for folder in _inside(reports))
+    found = [_known_again(*each, index, seals) or _read_anew(*each, index, ledger) for each in keys]
+    index.save()
+    return [run for _, run in sorted(found, key=lambda each: (each[0], os.fsencode(each[1].folder.name)))]
+
+
+def _known_again(folder: Path, key: str, index: Index, seals: Seals) -> tuple[str, RunSummary] | None:
+    """Return a run that did not change with when it began; None if it has to be read."""
+    seen = index.get(folder, key)
+    if seen is None or (seen.state != State.SEALED and is_held(folder)):
+        return None
+    if seen.state == State.SEALED:
+        against = seals.known(run=seen.run, folder=shown(folder.name), evidence=seen.evidence, before=seen.before)
+        if against.findings:
+            return None
+    index.keep(folder, seen)
+    told = {each.name: getattr(seen, each.name) for each in fields(RunSummary) if each.name in Seen.__struct_fields__}
+    return seen.began, RunSummary(folder=folder, **{**told, "state": State(seen.state)})
+
+
+def _read_anew(folder: Path, key: str, index: Index, ledger: Ledger) -> tuple[str, RunSummary]:
+    began = _began(folder)
+    run = _whatever_it_is(folder, ledger)
+    if key and run.state in _LASTING:
+        told: dict[str, Any] = {name: getattr(run, name) for name in Seen.__struct_fields__ if hasattr(run, name)}
+        with suppress(HilError, OSError):
+            told |= _by_its_seal(folder) if run.state is State.SEALED else {}
+            index.keep(folder, Seen(**{**told, "key": key, "began": began, "state": str(run.state)}))
+    return began, run
+
+
+_LASTING = frozenset({State.SEALED, State.INTERRUPTED, State.SAFED})
+"""What a run stays as long as nothing in its folder changes and nobody holds it."""
+
+
+def _by_its_seal(folder: Path) -> dict[str, str]:
+    """Return what the ledger is asked about a package."""
+    return {
+        "run": identifier_of(read_plain(folder / INFO).decode()),
+        "evidence": digest_of_manifest(read_plain(folder / MANIFEST)),
+        "before": str(read_ends(folder / JOURNAL).lines[-1].wall.get("ledger", "")),
+    }
 
 
 def status(folder: Path) -> RunSummary:

@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Container, Iterable, Sequence
 
 __all__ = ["aligned", "labelled"]
-
-_ANY_WIDTH = 1_000_000
-"""A terminal breaks a line that is too long; data in a file or a pipe is never broken."""
 
 
 def aligned(
@@ -22,21 +18,17 @@ def aligned(
         right: the places of columns that end at their right edge, such as numbers.
         indent: what stands before each line.
     """
-    from rich.console import Console  # noqa: PLC0415 - slow to import
-    from rich.table import Table  # noqa: PLC0415 - slow to import
-    from rich.text import Text  # noqa: PLC0415 - slow to import
+    from rich.cells import cell_len  # noqa: PLC0415 - slow to import
 
-    cells = [*([head] if head else []), *rows]
-    if not cells:
-        return []
-    grid = Table.grid(padding=(0, 2, 0, 0))
-    for place in range(len(cells[0])):
-        grid.add_column(justify="right" if place in right else "left", no_wrap=True)
-    for row in cells:
-        grid.add_row(*map(Text, row))
-    written = io.StringIO()
-    Console(file=written, width=_ANY_WIDTH, color_system=None, legacy_windows=False).print(grid)
-    return [f"{indent}{line}".rstrip() for line in written.getvalue().splitlines()]
+    cells = [tuple(row) for row in (*([head] if head else []), *rows)]
+    places = range(max(map(len, cells), default=0))
+    widths = [max(cell_len(row[place]) for row in cells) for place in places]
+
+    def padded(place: int, cell: str) -> str:
+        gap = " " * (widths[place] - cell_len(cell))
+        return gap + cell if place in right else cell + gap
+
+    return [f"{indent}{'  '.join(map(padded, places, row))}".rstrip() for row in cells]
 
 
 def labelled(facts: Iterable[tuple[str, str]], *, indent: str = "") -> list[str]:

@@ -11,6 +11,7 @@ from evidence_runs import begin, sealed_run, write_report
 from hil.documents.canonical import canonical
 from hil.evidence import runs
 from hil.evidence.folder import JOURNAL, create, hold
+from hil.evidence.index import Index
 from hil.evidence.journal.reader import read_ends, read_journal
 from hil.evidence.package.bag import write_manifests
 from hil.evidence.package.look import LOOKED_AT, look
@@ -107,8 +108,9 @@ SEEN = {
 def test_damage_that_a_quick_look_sees_has_no_verdict(package, name):
     """List, status and verification agree: it is DAMAGED, a finding says by what, and nothing else is told."""
     damage, found = SEEN[name]
+    find_runs(package.parent, Index(package.parent / ".index", "1"))
     damage(package)
-    for run in (*find_runs(package.parent), status(package)):
+    for run in (*find_runs(package.parent, Index(package.parent / ".index", "1")), status(package)):
         assert (run.state, run.verdict, run.planned, run.checked) == (State.DAMAGED, "", 0, "")
         assert run.problem
     assert any(found in str(finding) for finding in look(package).findings)

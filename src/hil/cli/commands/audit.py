@@ -81,16 +81,17 @@ def command(
 
     Exit code 0; 1 with --strict if a requirement is open; 2 if a package or the ledger is damaged.
     """
-    from hil.audit.cache import Cache, cache_folder, product_key  # noqa: PLC0415 - heavy
+    from hil.audit.cache import Cache  # noqa: PLC0415 - heavy
     from hil.audit.engine import audit  # noqa: PLC0415 - heavy
     from hil.audit.reading import read_world  # noqa: PLC0415 - heavy
     from hil.audit.recorded import past  # noqa: PLC0415 - heavy
+    from hil.evidence.unchanged import cache_folder, product_key  # noqa: PLC0415 - heavy
 
     record, because, by = entered["record"], entered["because"], entered["by"]
     _require_reason(because, by, record=record)
     _require_sense(as_of=as_of, supposed=supposed, head=head, record=record, formats=formats, output=output)
     folders = workspace_folders()
-    cache = Cache(None if no_cache or record else cache_folder(), product_key())
+    cache = Cache(None if no_cache or record else cache_folder("audit"), product_key())
     world = read_world(folders, cache, version=metadata.version("hil"), locked=supposed is None, published_head=head)
     if as_of:
         world = past(world, folders.reports, as_of)

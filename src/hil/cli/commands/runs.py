@@ -27,16 +27,20 @@ _ANY_WIDTH = 10_000
 @click.option("--dut", metavar="SERIAL", help="Only runs of this device under test.")
 @click.option("--plan", metavar="NAME", help="Only runs of this plan.")
 @click.option("--verdict", metavar="VERDICT", help="Only runs with this verdict.")
-def command(bench: str | None, dut: str | None, plan: str | None, verdict: str | None) -> int:
+@click.option("--no-cache", is_flag=True, help="Look at every package again, also at those that did not change.")
+def command(bench: str | None, dut: str | None, plan: str | None, verdict: str | None, *, no_cache: bool) -> int:
     """List the runs of the workspace, newest last.
 
-    Sealed packages get a quick look, which does not read their recordings; hil verify reads everything. A damaged
-    package is listed with what is wrong and without a verdict, unless you filter.
+    Sealed packages get a quick look, which does not read their recordings, and none where no file in them has changed
+    since the last one; hil verify reads everything. A damaged package is listed with what is wrong and without a
+    verdict, unless you filter.
     """
+    from hil.evidence.index import Index  # noqa: PLC0415 - heavy
     from hil.evidence.runs import find_runs  # noqa: PLC0415 - heavy
 
     asked = None if verdict is None else _known(verdict)
-    everything = find_runs(reports_folder())
+    reports = reports_folder()
+    everything = find_runs(reports, None if no_cache else Index.of(reports))
     chosen = [
         run
         for run in everything
@@ -45,8 +49,8 @@ def command(bench: str | None, dut: str | None, plan: str | None, verdict: str |
         and (plan is None or plan in run.plans)
         and asked in {None, run.verdict}
     ]
-    for line in _lines(chosen, _width()):
-        click.echo(line)
+    if chosen:
+        click.echo("\n".join(_lines(chosen, _width())))
     if checked := next((run.checked for run in chosen if run.checked), ""):
         click.echo(f"looked at: {checked}; hil verify RUN reads everything", err=True)
     if not chosen:
@@ -90,8 +94,10 @@ def _width() -> int:
 
 def _lines(runs: Sequence[RunSummary], width: int) -> Iterator[str]:
     """Give a line per run, in columns; where they do not fit, the name gets a line of its own."""
+    from hil.guardian.latch import latch_files  # noqa: PLC0415 - heavy
     from hil.report.tables import aligned  # noqa: PLC0415 - heavy
 
+    latched = bool(latch_files())
     rows = [_cells(run) for run in runs]
     lines = aligned(rows)
     narrow = max(map(len, lines), default=0) > width
@@ -103,7 +109,7 @@ def _lines(runs: Sequence[RunSummary], width: int) -> Iterator[str]:
             yield line
         if run.problem:
             yield f"  {_printable(run.problem)}"
-        if latch := latch_word(run.folder):
+        if (latched or run.state != "SEALED") and (latch := latch_word(run.folder)):
             yield f"  {_printable(latch)}"
 
 

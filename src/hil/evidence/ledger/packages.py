@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from hil.evidence.ledger.book import Ledger, append_once, ledger_file, read
 from hil.evidence.ledger.entries import ZERO, Replayed, Sealed
 from hil.model.errors import EvidenceError, Finding
 
-__all__ = ["Known", "enter", "enter_replay", "known"]
+__all__ = ["Known", "Seals", "enter", "enter_replay", "known"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,6 +107,27 @@ def known(ledger: Ledger, *, run: str, folder: str, evidence: str, before: str =
     if ledger.findings:
         return Known(told=f"DAMAGED, and has no entry of this package: {ledger.findings[0]}", sure=False)
     return Known(told=_unknown(ledger, before))
+
+
+class Seals:
+    """The seals in a ledger by name and by evidence, for those who ask about many packages.
+
+    Args:
+        ledger: the ledger of the folder of reports that the packages are in.
+    """
+
+    def __init__(self, ledger: Ledger) -> None:
+        self._ledger = ledger
+        self._by: dict[str, list[Sealed]] = {}
+        for each in ledger.of(Sealed):
+            for name in {each.run, each.evidence}:
+                self._by.setdefault(name, []).append(each)
+
+    def known(self, *, run: str, folder: str, evidence: str, before: str) -> Known:
+        """Return what `known` says of a package; only the entries that concern it are looked at."""
+        concern = {each.seq: each for name in (run, folder, evidence) for each in self._by.get(name, ())}
+        ledger = replace(self._ledger, entries=tuple(concern[seq] for seq in sorted(concern)))
+        return known(ledger, run=run, folder=folder, evidence=evidence, before=before)
 
 
 def _other_digests(named: list[Sealed], run: str, evidence: str) -> Iterator[Finding]:
