@@ -44,7 +44,7 @@ COMMANDS: Mapping[str, str] = {
     "simulate": "Serve a simulated bench to other programs.",
     "status": "Show the status of a run.",
     "stop": "Stop a run and leave the bench safe.",
-    "verify": "Verify a package.",
+    "verify": "Verify packages.",
 }
 """Every command with its help line, so that `hil --help` loads none of them."""
 

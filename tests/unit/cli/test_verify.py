@@ -9,7 +9,7 @@ from evidence_runs import sealed_run
 from workspaces import ROOT
 
 from hil.cli.main import main
-from hil.evidence.folder import TRANSCRIPT, create
+from hil.evidence.folder import JOURNAL, TRANSCRIPT, create
 
 
 def said(capsys, *arguments):
@@ -31,6 +31,25 @@ def test_a_package_that_verifies_and_does_not_replay_is_not_good(capsys, tmp_pat
     assert (code, out.splitlines()[0]) == (1, f"{folder.name}: SEALED")
     assert "\nreplay           not possible\n" in out
     assert "data/" in err
+
+
+def test_several_packages_get_a_line_each(capsys, tmp_path):
+    """The exit code is the worst, and one that is damaged does not hide those after it."""
+    folders = [tmp_path / "reports" / name for name in "abc"]
+    for folder in folders:
+        sealed_run(folder)
+    code, out, _ = said(capsys, "verify", *map(str, folders))
+    assert (code, out) == (0, "a  SEALED  PASS\nb  SEALED  PASS\nc  SEALED  PASS\n")
+    journal = folders[1] / JOURNAL
+    journal.chmod(0o644)
+    journal.write_bytes(journal.read_bytes()[:-100])
+    code, out, _ = said(capsys, "verify", *map(str, folders))
+    lines = out.splitlines()
+    assert (code, lines[0], lines[1], lines[-1]) == (1, "a  SEALED  PASS", "b  DAMAGED", "c  SEALED  PASS")
+    assert lines[2].startswith("  data/journal.jsonl: ")
+    assert said(capsys, "verify", str(folders[0]), "nothing", str(folders[2]))[0] == 4
+    code, out, _ = said(capsys, "verify", *map(str, folders[::2]), "--report")
+    assert (code, out.count("its report DIFFERS")) == (1, 2)
 
 
 def test_the_damaged_lines_of_a_transcript_are_named(capsys, tmp_path):

@@ -6,38 +6,83 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from itertools import islice
+from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import click
 
 from hil.cli.run_names import find_run, fixtures_folder
+from hil.model.errors import HilError
 
 if TYPE_CHECKING:
     from hil.evidence.package.verification import Verification
 
 __all__ = ["command"]
 
+_REFUSED = 4
+
 
 @click.command(name="verify", epilog="Example: hil verify latest")
-@click.argument("run", metavar="RUN")
+@click.argument("runs", metavar="RUN...", nargs=-1, required=True)
 @click.option("--report", is_flag=True, help="Also derive the report again and compare it.")
 @click.option(
     "--replay", "again", is_flag=True, help="Also run the cases again on the recorded bytes, as hil replay does."
 )
-def command(run: str, report: bool, again: bool) -> int:
-    """Verify a package, offline and from its own bytes.
+def command(runs: tuple[str, ...], report: bool, again: bool) -> int:
+    """Verify packages, offline and from their own bytes.
 
     It checks the manifests, the journal's chain, every file against its hash in the journal, every row of every
     recording, the results, and every verdict against value, uncertainty and frozen limit. Then it compares the package
     with the ledger of its folder, and verifies signatures and approvals. Digests are printed only if nothing is wrong.
-    Exit code 0 for an intact package of a complete run whose signatures all count, and whose report and replay are the
-    same where you ask for them; 1 otherwise.
+    Several runs get a line each.
+
+    Exit code 0 for intact packages of complete runs whose signatures all count, and whose report and replay are the
+    same where you ask for them; 1 otherwise; of several runs the worst.
     """
+    folders = [find_run(run) for run in runs]
+    if len(folders) == 1:
+        return _tell(folders[0], report=report, again=again)
+    return max([_tell_in_short(folder, report=report, again=again) for folder in folders])
+
+
+def _tell_in_short(folder: Path, *, report: bool, again: bool) -> int:
+    """Say in a line how a package verifies, below it what is wrong, and return the exit code."""
+    from hil.evidence.package.listing import shown  # noqa: PLC0415 - heavy
+
+    try:
+        line, wrong = _in_short(folder, report=report, again=again)
+    except HilError as error:
+        click.echo(f"{shown(folder.name)}  not verified\n  {shown(error.message)}")
+        return _REFUSED
+    click.echo(shown(line))
+    for each in wrong:
+        click.echo(f"  {shown(each)}")
+    return 1 if wrong else 0
+
+
+def _in_short(folder: Path, *, report: bool, again: bool) -> tuple[str, list[str]]:
+    """Return a package's state and verdict in a line, and everything that keeps it from being good."""
+    from hil.evidence.package.verification import State, verify  # noqa: PLC0415 - heavy
+
+    found = verify(folder)
+    wrong = [found.problem] if found.problem else []
+    if found.state is State.SEALED:
+        wrong += _said(found)[1]
+        wrong += [] if found.complete else ["the run is incomplete"]
+        wrong += [] if found.sure else [f"ledger: {found.ledger}"]
+        wrong += [] if not report or _compared(found) else ["its report DIFFERS"]
+        wrong += [] if not again or (replayed := _replayed(found)).same else [f"replay: {replayed.word}"]
+    worth = f"  {_worth(found)}" if found.state is State.SEALED else ""
+    return f"{folder.name}  {found.state}{worth}", wrong
+
+
+def _tell(folder: Path, *, report: bool, again: bool) -> int:
+    """Say everything about a package, and return the exit code."""
     from hil.evidence.package.listing import shown  # noqa: PLC0415 - heavy
     from hil.evidence.package.verification import State, verify  # noqa: PLC0415 - heavy
     from hil.report.tables import labelled  # noqa: PLC0415 - heavy
 
-    found = verify(find_run(run))
+    found = verify(folder)
     for finding in found.findings:
         click.echo(shown(str(finding)), err=True)
     short = found.state in {State.SEALED, State.INTERRUPTED, State.SAFED} and not found.complete
