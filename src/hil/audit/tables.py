@@ -10,7 +10,7 @@ import msgspec
 
 from hil.audit.document import Document, Row
 
-__all__ = ["COLUMNS", "as_csv", "as_json"]
+__all__ = ["COLUMNS", "as_csv", "as_json", "guarded"]
 
 COLUMNS = (
     "requirement",
@@ -52,7 +52,7 @@ def as_csv(document: Document) -> bytes:
     for each in document.exceptions:
         told = f"EXCEPTION: {each.package}: {each.instrument}: {each.reason}"
         exceptions.setdefault(each.package, []).append(told)
-    lines.writerows([_guarded(cell) for cell in _cells(row, exceptions)] for row in document.rows)
+    lines.writerows([guarded(cell) for cell in _cells(row, exceptions)] for row in document.rows)
     return written.getvalue().encode()
 
 
@@ -96,6 +96,6 @@ def _lines(parts: Iterable[str]) -> str:
     return "\n".join(parts)
 
 
-def _guarded(cell: str) -> str:
+def guarded(cell: str) -> str:
     """Return a cell that no spreadsheet takes for a formula: one that begins like it gets an apostrophe."""
     return f"'{cell}" if cell.startswith(_FORMULA) else cell

@@ -44,6 +44,7 @@ COMMANDS: Mapping[str, str] = {
     "simulate": "Serve a simulated bench to other programs.",
     "status": "Show the status of a run.",
     "stop": "Stop a run and leave the bench safe.",
+    "trend": "Compare the checks of one parameter over all runs.",
     "verify": "Verify packages.",
 }
 """Every command with its help line, so that `hil --help` loads none of them."""

@@ -44,6 +44,7 @@ class RunSummary:
         folder: the run's folder.
         state: its state; of a sealed run as far as it was looked at.
         problem: what is wrong with it, in a sentence, or empty.
+        began: when it began, as ISO 8601; empty where that is not known, and for a single run's status.
         checked: what of a sealed run was looked at, empty before the seal and where something is wrong.
         plans: the plans it was asked for.
         bench: the bench's name.
@@ -66,6 +67,7 @@ class RunSummary:
     folder: Path
     state: State
     problem: str = ""
+    began: str = ""
     checked: str = ""
     plans: tuple[str, ...] = ()
     bench: str = ""
@@ -119,11 +121,11 @@ def find_runs(reports: Path, index: Index | None = None) -> list[RunSummary]:
     keys = ((folder, index.key(folder)) for folder in _inside(reports))
     found = [_known_again(*each, index, seals) or _read_anew(*each, index, ledger) for each in keys]
     index.save()
-    return [run for _, run in sorted(found, key=lambda each: (each[0], os.fsencode(each[1].folder.name)))]
+    return sorted(found, key=lambda run: (run.began, os.fsencode(run.folder.name)))
 
 
-def _known_again(folder: Path, key: str, index: Index, seals: Seals) -> tuple[str, RunSummary] | None:
-    """Return a run that did not change with when it began; None if it has to be read."""
+def _known_again(folder: Path, key: str, index: Index, seals: Seals) -> RunSummary | None:
+    """Return a run that did not change; None if it has to be read."""
     seen = index.get(folder, key)
     if seen is None or (seen.state != State.SEALED and is_held(folder)):
         return None
@@ -133,18 +135,17 @@ def _known_again(folder: Path, key: str, index: Index, seals: Seals) -> tuple[st
             return None
     index.keep(folder, seen)
     told = {each.name: getattr(seen, each.name) for each in fields(RunSummary) if each.name in Seen.__struct_fields__}
-    return seen.began, RunSummary(folder=folder, **{**told, "state": State(seen.state)})
+    return RunSummary(folder=folder, **{**told, "state": State(seen.state)})
 
 
-def _read_anew(folder: Path, key: str, index: Index, ledger: Ledger) -> tuple[str, RunSummary]:
-    began = _began(folder)
-    run = _whatever_it_is(folder, ledger)
+def _read_anew(folder: Path, key: str, index: Index, ledger: Ledger) -> RunSummary:
+    run = replace(_whatever_it_is(folder, ledger), began=_began(folder))
     if key and run.state in _LASTING:
         told: dict[str, Any] = {name: getattr(run, name) for name in Seen.__struct_fields__ if hasattr(run, name)}
         with suppress(HilError, OSError):
             told |= _by_its_seal(folder) if run.state is State.SEALED else {}
-            index.keep(folder, Seen(**{**told, "key": key, "began": began, "state": str(run.state)}))
-    return began, run
+            index.keep(folder, Seen(**{**told, "key": key, "state": str(run.state)}))
+    return run
 
 
 _LASTING = frozenset({State.SEALED, State.INTERRUPTED, State.SAFED})

@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.dates import ConciseDateFormatter
 from matplotlib.figure import Figure
 
 from hil.analysis.battery.half_cycle import flow
@@ -19,10 +20,12 @@ from hil.analysis.battery.steps import Segmentation, StepKind, segment
 from hil.analysis.battery.summary import Summary, incremental_capacities
 from hil.analysis.gyroscope.calibrate import CalibrationReport
 from hil.analysis.gyroscope.fitting import Fit
+from hil.audit.trend import Point, Trend
 from hil.cli.analyses.allan_text import NAMES, Axis, called
+from hil.clock.wall import moment_of
 from hil.model.errors import Refused
 
-__all__ = ["draw_allan", "draw_battery", "draw_gyroscope"]
+__all__ = ["draw_allan", "draw_battery", "draw_gyroscope", "draw_trend"]
 
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
 """Colours that all eyes tell apart (Okabe and Ito)."""
@@ -34,6 +37,7 @@ _MODELLED = ("overlapping", "total")  # the fitted Allan deviation is also what 
 _KINDS = (StepKind.CHARGE, StepKind.DISCHARGE)
 _MOST = 20  # curves of one kind; more are thinned out
 _POINTS = 2000  # of one curve
+_PANELS = 12  # of a trend, one below the other
 
 
 def draw_allan(path: Path, axes: Sequence[Axis]) -> None:
@@ -81,6 +85,79 @@ def draw_gyroscope(path: Path, report: CalibrationReport) -> None:
     if report.scale:
         parts.append(("scale", "1", report.scale))
     _save(path, lambda: _gyroscope(parts))
+
+
+def draw_trend(path: Path, parameter: str, found: Sequence[Trend]) -> None:
+    """Draw what checks of a parameter found over the days of their runs, a panel for each series.
+
+    Args:
+        path: what to write; its ending, .svg or .png, says the format.
+        parameter: the parameter.
+        found: its series.
+
+    Raises:
+        Refused: no number to draw, too many panels, another ending, or a file that cannot be written.
+    """
+    drawn = [each for each in found if any(_is_placed(point) for point in each.points)]
+    if not drawn:
+        raise Refused(f"{path}: '{parameter}' has no number to draw", "leave out --plot")
+    if len(drawn) > _PANELS:
+        raise Refused(
+            f"{path}: {len(drawn)} panels do not fit on a page",
+            "choose with --requirement, --of or --dut, or take --csv",
+        )
+    _save(path, lambda: _trend(parameter, drawn))
+
+
+def _is_placed(point: Point) -> bool:
+    return isinstance(point.value, float) and bool(point.run.began)
+
+
+def _trend(parameter: str, drawn: Sequence[Trend]) -> Figure:
+    figure = Figure(figsize=(7.0, 0.6 + 2.6 * len(drawn)), dpi=120, layout="constrained")
+    units = sorted({point.run.dut for each in drawn for point in each.points})
+    panels = np.atleast_1d(figure.subplots(len(drawn), 1, sharex=True))
+    for axes, each in zip(panels.tolist(), drawn, strict=True):
+        _series(axes, each, units)
+        axes.set_ylabel(parameter if each.unit in {"", "1"} else f"{parameter} [{each.unit}]")
+        called_of = f" of {each.of}" if each.of else ""
+        axes.set_title(f"{each.requirement}{called_of}, {each.case.rpartition('::')[2]}", fontsize="small", loc="left")
+        axes.grid(visible=True, color="#dddddd", linewidth=0.5)
+    moments = {moment_of(point.run.began) for each in drawn for point in each.points if _is_placed(point)}
+    if len(moments) == 1:  # an axis of one moment would be years long
+        axes.margins(x=1e-4)
+    axes.xaxis.set_major_formatter(ConciseDateFormatter(axes.xaxis.get_major_locator()))
+    axes.set_xlabel("beginning of the run, UTC")
+    return figure
+
+
+def _series(axes: Axes, found: Trend, units: Sequence[str]) -> None:
+    """Draw values with their expanded uncertainties, hollow where it was not hardware, and limits as they were."""
+    placed = [point for point in found.points if _is_placed(point)]
+    groups = dict.fromkeys((point.run.dut, point.run.source) for point in placed)
+    for dut, source in groups:
+        own = [point for point in placed if (point.run.dut, point.run.source) == (dut, source)]
+        number = units.index(dut)
+        hardware = source == "hardware"
+        axes.errorbar(
+            np.array([moment_of(point.run.began) for point in own]),
+            np.array([point.value for point in own], dtype=float),
+            yerr=[point.expanded or 0.0 for point in own],
+            fmt=_MARKS[number % len(_MARKS)],
+            color=_COLOURS[number % len(_COLOURS)],
+            markerfacecolor=_COLOURS[number % len(_COLOURS)] if hardware else "none",
+            markersize=5,
+            capsize=2,
+            label=dut if hardware else f"{dut}, {source.upper()}",
+        )
+    when = np.array([moment_of(point.run.began) for point in placed])
+    label: str | None = "limit"
+    for name in ("min", "max"):
+        ends = [float("nan") if (end := getattr(point.limit, name)) is None else float(end) for point in placed]
+        if np.isfinite(ends).any():
+            axes.plot(when, ends, "k_--", linewidth=1, drawstyle="steps-post", label=label)
+            label = None
+    axes.legend(fontsize="small")
 
 
 def _allan(drawn: Sequence[Axis]) -> Figure:
