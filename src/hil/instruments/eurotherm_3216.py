@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from typing import ClassVar
 
 from hil.instruments.driver import Outlet
-from hil.instruments.modbus_line import SILENCE, exchange, question, register, registers_told
+from hil.instruments.modbus_line import SILENCE, exchange, one_register, question, register, registers_told
 from hil.instruments.modbus_thermal import ModbusThermal, ModbusThermalDriver, signed
 from hil.instruments.roles import THERMAL
 from hil.instruments.safing import must_be_state
@@ -60,6 +60,7 @@ class Eurotherm3216Thermal(ModbusThermal):
                 exchange(question(3, at, 1, unit), registers_told((value,), unit), within_s) for at, value in told
             ),
             owed_s=within_s,
+            who=one_register(_TYPE_CODE, unit, within_s),
         )
 
     def _agree(self) -> None:

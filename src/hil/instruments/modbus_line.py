@@ -44,6 +44,7 @@ __all__ = [
     "coils_told",
     "exchange",
     "exchange_like",
+    "one_register",
     "question",
     "register",
     "registers_told",
@@ -219,3 +220,8 @@ def exchange_like(request: bytes, reply: bytes, within_s: float) -> Exchange:
     Its checksum cannot be compared, so this alone proves nothing: ask twice, and for something else besides.
     """
     return Exchange(send=request, expect=rb"\A" + reply, within_s=within_s, quiet_s=_SILENCE_S)
+
+
+def one_register(address: int, unit: int, within_s: float) -> Exchange:
+    """Return the exchange that asks for one register, whatever is in it."""
+    return exchange_like(question(3, address, 1, unit), re.escape(bytes((unit,))) + rb"\x03\x02.{4}", within_s)

@@ -18,7 +18,7 @@ from typing import Annotated, ClassVar
 from hil.instruments import settings
 from hil.instruments.driver import ANY_BYTE, Connection, Outlet
 from hil.instruments.marks import drives, reads
-from hil.instruments.modbus_line import SILENCE, coils, coils_taken, coils_told, exchange, question
+from hil.instruments.modbus_line import SILENCE, coils, coils_taken, coils_told, exchange, one_register, question
 from hil.instruments.modbus_session import ModbusSession
 from hil.instruments.roles import RELAYS, Relays
 from hil.instruments.safing import must_be_state
@@ -143,6 +143,7 @@ class WaveshareRelays:
             off=(exchange(coils(0, released, unit), coils_taken(0, _RELAYS, unit), within_s),),
             proof=(exchange(question(1, 0, _RELAYS, unit), coils_told(released, unit), within_s),),
             owed_s=within_s,
+            who=one_register(_VERSION_REGISTER, unit, within_s),
         )
 
     def _hold(self, coil: int) -> None:

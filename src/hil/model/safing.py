@@ -44,7 +44,7 @@ class SafeBytes:
         talks: whether the instrument talks unasked, so that its silence cannot be waited for; then `owed_s` counts from
             the last question.
         who: asks who the instrument is; None where its protocol has no question for that. What is replied in the drill
-            is compared with what answers when a port of a network is reopened.
+            is compared with what answers when a port of a network is reopened: the groups of its pattern, or all of it.
     """
 
     resync: tuple[Exchange, ...] = ()

@@ -107,6 +107,21 @@ def test_a_reply_may_come_in_pieces(far, talk):
     assert talk.make(exchange, Patience()) == ""
 
 
+@pytest.mark.parametrize(
+    ("expect", "told"),
+    [
+        (rb"(?:\A|\n)ID name=(\S+) serial=(\S+) boots=\d+\n", b"cycler C0001"),
+        (rb"ID [^\n]+\n", b"ID name=cycler serial=C0001 boots=7\n3.7;0.0\n"),
+        (rb"ID nobody\n", b""),
+    ],
+)
+def test_who_it_is_is_what_the_groups_hold_or_the_whole_reply(far, talk, expect, told):
+    """An instrument that has restarted, or talks unasked, is still the same one."""
+    thread = answering(far, b"3.7;1.2\nID name=cycler serial=C0001 boots=7\n3.7;0.0\n")
+    assert talk.told(Exchange(send=b"ID\n", expect=expect, within_s=0.3)) == told
+    thread.join()
+
+
 def test_words_from_before_the_bytes_are_no_reply(far, talk):
     """A stale line that looks like the reply proves nothing."""
     far.say(b"on 0\n")

@@ -52,6 +52,7 @@ class Dialogue:
         self._asked = self._heard_at = line.now()  # whatever was asked before
         self._mute = ""
         self._reply = b""
+        self._groups: tuple[bytes, ...] = ()
 
     def begin(self, code: SafeBytes, patience: Patience) -> None:
         """Resynchronise with the instrument, whose state is unknown."""
@@ -83,9 +84,11 @@ class Dialogue:
         return ""
 
     def told(self, question: Exchange) -> bytes:
-        """Ask a question and return its whole reply, empty if none came as expected."""
+        """Ask a question and return what the groups of its reply hold, or all of it; empty if none came as expected."""
         if self.make(question, Patience()):
             return b""
+        if self._groups:
+            return b" ".join(self._groups)
         came, pause_s = self._reply + self._heard, max(question.quiet_s, _LEAST_TO_WRITE_S)
         while len(came) < _MOST_HEARD and (more := self.line.hear(self.line.now() + pause_s)):
             came += more
@@ -170,7 +173,7 @@ class Dialogue:
         newest = found[-1]
         if between is not None and not _within(newest, between):
             return f"said {_shown(newest.group())}, which is not from {between[0]:g} to {between[1]:g}"
-        self._reply = newest.group()
+        self._reply, self._groups = newest.group(), newest.groups(b"")
         self._heard = self._heard[newest.end() :]
         return ""
 

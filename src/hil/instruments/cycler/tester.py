@@ -64,12 +64,14 @@ def stopped(name: str, proof: Proof | None, within_s: float) -> SafeBytes:
     measured = b" ".join(field + b"=" + form for field, form in fields.items())
     told = rb"(?:\A|\n):0 OK state=" + _OVER + rb" run=\S+ cycle=\d+ relays=- lines=\d+ ms=\d+ " + measured + _SEAL
     done = rb"(?:\A|\n):0 OK state=" + _OVER + _SEAL
+    device = rb"(?:\A|\n):0 OK [^\r\n]*\bname=(\S+) [^\r\n]*\bserial=(\S+)[^\r\n]*" + _SEAL
     return SafeBytes(
         resync=(Exchange(send=question),),
         off=(Exchange(send=b"\n" + command, expect=done, within_s=within_s),),
         proof=(Exchange(send=b"\n" + question, expect=told, within_s=within_s, between=between),),
         owed_s=within_s,
         talks=True,
+        who=Exchange(send=seal(":0 ID"), expect=device, within_s=within_s),
     )
 
 
