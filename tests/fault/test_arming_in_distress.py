@@ -136,6 +136,40 @@ def test_the_guardian_waits_for_one_gate_after_the_other():
     assert Counting.count == len(written.of("gate")) > 10
 
 
+def test_nothing_is_driven_before_the_guardian_watches(monkeypatch):
+    """Until then a run that is stopped for ever by SIGSTOP has only asked questions: of supplies, and of relays."""
+    sent, before = [], []
+
+    class Watching(NoMachine):
+        """A machine whose guardian watches with its last gate."""
+
+        def gates(self, freshness):
+            """Look at what has left so far."""
+            del freshness
+            yield Gate("sleep and shutdown held off", ok=True, detail="")
+            before.extend(sent)
+            yield Gate("guardian", ok=True, detail="watches")
+
+    with bound(adcs()) as bench:
+        note = bench.transcript.note
+
+        def noting(device, name, start_ns, end_ns, asked=b"", *more, **told):
+            if asked:
+                sent.append((device, asked))
+            note(device, name, start_ns, end_ns, asked, *more, **told)
+
+        for port in bench.ports:
+            monkeypatch.setattr(port, "_note", noting)
+        assert not keeper_of(bench, StopFlags(), Written(), Watching()).arm()
+
+    def drives(device, asked):
+        return asked[1] not in {1, 3} if device == "relay1" else any(b"?" not in each for each in asked.split(b";"))
+
+    assert {device for device, _ in before} == {"psu1", "relay1"}
+    assert [each for each in before if drives(*each)] == []
+    assert {device for device, asked in sent if drives(device, asked)} == {"psu1", "relay1"}
+
+
 def test_arming_ends_when_the_guardian_dies_amid_it():
     """What was tried last is off again; no other output is switched on, and the gate says why."""
     written = Written()
