@@ -48,6 +48,8 @@ simulated:
     mon1: {truth: {noise: "0.02"}, connects: {voltage: box.voltage, current: box.current}}
 """
 
+DRIVER = "data/packages/hil-ina226/hil_ina226/driver.py"
+
 REQUIREMENTS = """\
 schema: hil/requirements/1
 document: {id: AIR, issue: "1.0", title: A rail}
@@ -127,6 +129,12 @@ def test_it_runs_to_a_package_that_verifies_and_replays(made):
     )
     assert 4.95 < float(check["value"]) < 5.02
     assert float(check["uncertainty"]) == pytest.approx(0.05)
+    assert (run.package.folder / DRIVER).read_bytes() == (INA226 / "src/hil_ina226/driver.py").read_bytes()
+    (told,) = [each for each in results_as_json(run.package)["conditions"] if each["name"] == "others"]
+    assert told["text"].startswith(
+        "driver ina226, fault sda-low, peer ina226, plant model soft-start, role power_monitor of"
+    )
+    assert (told["text"].endswith("so nobody can tell whether they were changed"), told["proven"]) == (True, False)
     replayed = replay(run.package)
     assert (replayed.cases, replayed.differences) == (1, ())
     assert any(

@@ -20,6 +20,7 @@ __all__ = [
     "GapKind",
     "Inputs",
     "OnHardware",
+    "OtherCode",
     "Planning",
     "Reason",
     "Row",
@@ -168,6 +169,13 @@ class Exempted(msgspec.Struct, frozen=True, kw_only=True, order=True):
     package: str
     instrument: str
     reason: str
+
+
+class OtherCode(msgspec.Struct, frozen=True, kw_only=True, order=True):
+    """What the run of a package used of another package than hil, and whether that counts, in a sentence."""
+
+    package: str
+    text: str
 
 
 class OnHardware(msgspec.Struct, frozen=True, kw_only=True):
@@ -341,6 +349,7 @@ class Document(msgspec.Struct, frozen=True, kw_only=True):
         gaps: everything that is missing, by kind and name.
         problems: packages that cannot be used, and what is wrong with the ledger, a sentence each.
         exceptions: what counts as hardware by the word of a bench file alone, by package and instrument.
+        others: drivers and the like of other packages than hil, by package.
     """
 
     format: int
@@ -353,6 +362,7 @@ class Document(msgspec.Struct, frozen=True, kw_only=True):
     gaps: tuple[Gap, ...]
     problems: tuple[str, ...] = ()
     exceptions: tuple[Exempted, ...] = ()
+    others: tuple[OtherCode, ...] = ()
 
 
 def summary_of(rows: Sequence[Row], gaps: Sequence[Gap]) -> Summary:

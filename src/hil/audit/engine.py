@@ -19,6 +19,7 @@ from hil.audit.document import (
     Gap,
     GapKind,
     Inputs,
+    OtherCode,
     Planning,
     Reason,
     Row,
@@ -87,6 +88,7 @@ def audit(world: World) -> Document:
         gaps=gaps,
         problems=(*world.problems, *_problems(packages, book)),
         exceptions=tuple(sorted(_exceptions(packages))),
+        others=tuple(sorted(OtherCode(package=each.folder, text=told) for each in packages for told in each.others)),
     )
 
 

@@ -142,6 +142,7 @@ class Package(msgspec.Struct, frozen=True, kw_only=True):
         results: what it says of each requirement, by id.
         orphans: its cases without requirement.
         exceptions: instrument and declared reason of what counts as hardware by the word of the bench file alone.
+        others: what its conditions say of drivers and the like of other packages than hil, a sentence each.
     """
 
     folder: str
@@ -170,6 +171,7 @@ class Package(msgspec.Struct, frozen=True, kw_only=True):
     results: Mapping[str, Result] = {}
     orphans: tuple[str, ...] = ()
     exceptions: tuple[tuple[str, str], ...] = ()
+    others: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -22,7 +22,7 @@ from hil.evidence.package.verification import State, verify
 from hil.evidence.results.derived import results_of
 from hil.evidence.results.eligibility import of_simulation
 from hil.evidence.results.facts import FrozenCalibration, read_json
-from hil.evidence.results.outcome import EXCEPTION, write_outcome
+from hil.evidence.results.outcome import EXCEPTION, NO_OTHERS, OTHERS, write_outcome
 from hil.evidence.runs import run_folders
 from hil.model.errors import EvidenceError, HilError
 from hil.model.identity import Source
@@ -190,6 +190,7 @@ def _told(folder: Path, package: Package) -> Package:
         results=dict(_results(said, _fingerprints(folder), run.source, unit=simulated)),
         orphans=tuple(case.case for case in said.cases if not case.requirements),
         exceptions=tuple(_exceptions(said.conditions or ())),
+        others=tuple(each.text for each in said.conditions or () if each.name == OTHERS and each.text != NO_OTHERS),
     )
 
 

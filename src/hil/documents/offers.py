@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
-from typing import Generic, TypeVar, cast
+from typing import ClassVar, Generic, TypeVar, cast
 
 from hil.documents.suggest import did_you_mean
 from hil.model.errors import Refused
@@ -27,17 +27,31 @@ class Offers(Generic[_Offer]):
         kind: what an entry point has to name, for the hint.
     """
 
+    _all: ClassVar[list[Offers[object]]] = []
+
     def __init__(self, group: str, what: str, problem: Callable[[str, object], str], kind: str) -> None:
         self.group = group
         self.what = what
         self._problem = problem
         self._kind = kind
         self._loaded: dict[EntryPoint, _Offer] = {}
+        self._all.append(cast("Offers[object]", self))
+
+    @classmethod
+    def in_use(cls) -> Iterator[tuple[str, EntryPoint]]:
+        """Yield every offer of every group that was imported in this process, after what it is, such as `driver`."""
+        for offers in cls._all:
+            yield from ((offers.what, point) for point in offers.loaded)
 
     @property
     def names(self) -> tuple[str, ...]:
         """The names of all offers, sorted; none is imported."""
         return tuple(self._found())
+
+    @property
+    def loaded(self) -> tuple[EntryPoint, ...]:
+        """The entry points of those offers that were imported."""
+        return tuple(point for named in self._found().values() for point in named.values() if point in self._loaded)
 
     def __contains__(self, name: object) -> bool:
         return name in self._found()

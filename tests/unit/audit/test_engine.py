@@ -17,6 +17,7 @@ from hil.audit.inputs import Policy
 from hil.audit.ledgered import DISPOSITION
 from hil.audit.pages.page import as_html
 from hil.audit.pages.terminal import GROUPS, as_lines
+from hil.audit.pages.workbook import _summary as summary_sheet
 from hil.audit.pages.workbook import as_xlsx
 from hil.audit.tables import as_csv, as_json
 from hil.evidence.ledger.entries import Head
@@ -369,6 +370,16 @@ def test_every_form_of_the_document_tells_what_stands_for_hardware():
         summary, evidence = (book.read(f"xl/worksheets/sheet{number}.xml").decode() for number in (1, 3))
     assert f"run-1: dmm: {reason}" in summary
     assert "<t>dmm</t>" in evidence
+
+
+def test_every_form_of_the_document_lists_drivers_of_other_packages():
+    """Also where nothing speaks against them."""
+    told = "driver ina226 of package hil-ina226 1.2 is as it was installed from an index"
+    document = audit(world_of([package(others=(told,))]))
+    assert json.loads(as_json(document))["others"] == [{"package": "run-1", "text": told}]
+    assert "drivers from other packages:" in list(as_lines(document))
+    assert f"run-1: {told}" in "".join(as_html(document, "reports"))
+    assert ("Driver from another package", f"run-1: {told}") in list(summary_sheet(document))
 
 
 def test_every_code_has_one_place_on_the_terminal():

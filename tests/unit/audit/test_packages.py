@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import pytest
-from evidence_runs import begin, sealed_run, whole_case, write_report
+from evidence_runs import SOFTWARE, begin, sealed_run, whole_case, write_report
 from typed_events import event_of
 
 from hil.audit.cache import Cache
 from hil.audit.packages import read_packages
 from hil.audit.reading import Folders, read_world
+from hil.documents.canonical import canonical
 from hil.evidence.folder import JOURNAL, RESULTS, TRANSCRIPT
 from hil.evidence.journal.writer import Journal
 from hil.evidence.ledger.book import append, head, ledger_file
@@ -74,6 +75,20 @@ def test_what_stands_for_hardware_is_read_with_its_instrument_and_its_reason(tmp
     seal(tmp_path / RUN, journal, exit_code=0, write_reports=write_report)
     (package,) = read_packages(tmp_path, Cache(None, ""))
     assert package.exceptions == (("psu2", port),)
+
+
+def test_drivers_of_other_packages_are_read(tmp_path):
+    """What the conditions of the run say of them."""
+    folder = tmp_path / RUN
+    folder.mkdir()
+    journal = begin(folder)
+    other = {"name": "hil-ina226", "version": "1.2", "offers": ["driver ina226"], "from": "index", "recorded": True}
+    told = {**SOFTWARE, "format": 2, "others": [other], "start": [], "strays": []}
+    (folder / "data/software.json").write_bytes(canonical(told))
+    whole_case(folder, journal)
+    seal(folder, journal, exit_code=0, write_reports=write_report)
+    (package,) = read_packages(tmp_path, Cache(None, ""))
+    assert package.others == ("driver ina226 of package hil-ina226 1.2 is as it was installed from an index",)
 
 
 @pytest.mark.parametrize("cut", [False, True])

@@ -12,7 +12,8 @@ from hil.evidence.folder import JOURNAL
 from hil.evidence.journal.reader import read_journal
 from hil.evidence.package.verification import verify
 from hil.evidence.results.derived import derive
-from hil.evidence.results.facts import FrozenSoftware, entries_of, facts_of
+from hil.evidence.results.facts import entries_of, facts_of
+from hil.evidence.results.software import FrozenSoftware
 from hil.executive.setup.software import require_assertions
 from hil.model.errors import Refused
 from hil.model.identity import Source

@@ -580,6 +580,27 @@ def test_uncommitted_changes_are_named_not_printed(tmp_path):
     assert "secret" not in words
 
 
+def test_code_of_others_is_told_in_sentences(tmp_path):
+    """Drivers of other packages, and what Python executed when it started, with what stands against it."""
+    folder = specimen_run.build(tmp_path, events=list(one_case("PASS")))
+    copy = tmp_path / "copy"
+    shutil.copytree(folder, copy, copy_function=shutil.copyfile)
+    for place in (copy, copy / "data"):
+        place.chmod(0o755)
+    told = "driver ina226 of package hil-ina226 1.2 is as it was installed from an index"
+    reason = "Python executed site-packages/x.pth when it started, which is of no installed package"
+    results = json.loads((copy / "data/results.json").read_text())
+    results["conditions"] += [
+        {"name": "others", "proven": True, "text": told},
+        {"name": "start", "proven": False, "text": reason},
+    ]
+    (copy / "data/results.json").chmod(0o644)
+    (copy / "data/results.json").write_text(json.dumps(results))
+    words = Page(make_reports(copy, found_of(copy))[HTML].decode()).words
+    assert f"drivers from other packages {told}" in words
+    assert f"other code {reason}" in words
+
+
 def test_cases_called_the_same_keep_their_files(tmp_path):
     """A table shortens the name of a case only where that leaves no doubt."""
     cases = [

@@ -55,13 +55,18 @@ def _elsewhere(summary: Summary) -> Iterator[str]:
     yield "</details>\n"
 
 
+_OTHERS = "Drivers from other packages"
+
+
 def _notices(document: Document) -> Iterator[str]:
-    """Yield what nobody may overlook: exceptions, and what is damaged."""
+    """Yield what nobody may overlook: exceptions, code of others, and what is damaged."""
     exempted = [f"{each.package}: {each.instrument}: {each.reason}" for each in document.exceptions]
     closed = document.summary.by_exception
     by = f"{closed:,} requirement{'' if closed == 1 else 's'} closed by such a run"
     why = f"Instruments that count as hardware because the bench file says so, and nothing else shows it; {by}"
-    for word, told, lines in (("EXCEPTION", why, exempted), ("Not usable", "", document.problems)):
+    others = [f"{each.package}: {each.text}" for each in document.others]
+    notices = (("EXCEPTION", why, exempted), (_OTHERS, "", others), ("Not usable", "", document.problems))
+    for word, told, lines in notices:
         if lines:
             items = "".join(f"<li>{escaped(each)}</li>" for each in lines)
             yield f'<section class="notice" aria-label="{word}"><strong>{word}</strong> {told}<ul>{items}</ul>'

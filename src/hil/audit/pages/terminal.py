@@ -59,10 +59,21 @@ def as_lines(document: Document) -> Iterator[str]:
     if summary.waived:
         yield from _wrapped(f"closed by waivers: {_some(summary.waived)}")
     yield from _exceptions(document)
+    yield from _others(document)
     yield from _problems(document.problems)
     yield from _why_open(summary)
     yield from _gaps(document)
     yield from _on_hardware(summary)
+
+
+def _others(document: Document) -> Iterator[str]:
+    if document.others:
+        yield ""
+        yield "drivers from other packages:"
+        for each in document.others[:_MOST]:
+            yield f"  {each.package}"
+            yield from _wrapped(each.text, "    ")
+        yield from _more(document.others, "driver")
 
 
 def _exceptions(document: Document) -> Iterator[str]:

@@ -34,6 +34,7 @@ _FROZEN = (
     "data/bench/",
     "data/catalogue/",
     f"{REGISTERS}/",
+    "data/packages/",
     "data/sources/",
     "data/dut.json",
     "data/place.json",

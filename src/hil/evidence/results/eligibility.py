@@ -8,8 +8,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from hil.evidence.events import Gate
-from hil.evidence.results.facts import Commit, Facts, FrozenCalibration, FrozenRequirement
+from hil.evidence.results.facts import Facts, FrozenCalibration, FrozenRequirement
 from hil.evidence.results.outcome import EXCEPTION, CaseOutcome, Condition
+from hil.evidence.results.software import condition, each_of, of_software
 from hil.evidence.state import RunState
 from hil.model.identity import Model, Purpose, Source
 from hil.model.verdict import Verdict
@@ -42,11 +43,11 @@ def of_run(state: RunState, facts: Facts) -> tuple[Condition, ...]:
         *_source(state, facts),
         *_recorded_elsewhere(state),
         *_purpose(state),
-        *_software(facts),
+        *of_software(facts.software),
         *_course(state),
         *_dut(state),
         *_gates(state),
-        *(_condition("clock", False, each) for each in facts.clock),
+        *(condition("clock", False, each) for each in facts.clock),
     )
 
 
@@ -69,9 +70,9 @@ def of_requirement(
     names |= {name for name in used if facts.calibration.get(name, _NO_RECORD).due}
     open_values = dict.fromkeys(reason for check in checks for reason in check.closes_nothing)
     return (
-        _condition("verdict", verdict.good, f"its verdict is {verdict}"),
-        _condition("coverage", bool(cases), _told(len(cases)), "no planned case carries it"),
-        _condition(
+        condition("verdict", verdict.good, f"its verdict is {verdict}"),
+        condition("coverage", bool(cases), _told(len(cases)), "no planned case carries it"),
+        condition(
             "catalogue",
             identifier in facts.catalogue,
             "it is in the frozen catalogue",
@@ -79,7 +80,7 @@ def of_requirement(
         ),
         _method(entry, cases, state),
         *_stage(entry, state),
-        *_each("values", open_values, "every value came from instruments, recordings or people"),
+        *each_of("values", open_values, "every value came from instruments, recordings or people"),
         *_instruments(used),
         *_identities(used, state),
         *_calibration(sorted(names), facts),
@@ -126,18 +127,6 @@ def against_hardware(state: RunState, facts: Facts) -> Iterator[str]:
         yield "the register says that its device under test is simulated"
 
 
-def _condition(name: str, proven: bool, proof: str, reason: str = "") -> Condition:
-    return Condition(name=name, proven=proven, text=proof if proven or not reason else reason)
-
-
-def _each(name: str, reasons: Iterable[str], proof: str) -> Iterator[Condition]:
-    """Give a condition per reason, or the one that is proven where there is none."""
-    told = tuple(reasons)
-    yield from (_condition(name, False, reason) for reason in told)
-    if not told:
-        yield _condition(name, True, proof)
-
-
 def _told(cases: int) -> str:
     return "one planned case carries it" if cases == 1 else f"{cases} planned cases carry it"
 
@@ -151,68 +140,48 @@ def _source(state: RunState, facts: Facts) -> Iterator[Condition]:
     source = state.run.source if state.run else None
     told = f"the run's source is {source or 'unknown'}"
     if source is not Source.HARDWARE:
-        yield _condition("source", False, told)
+        yield condition("source", False, told)
         return
-    yield from _each("source", (f"{told}, but {each}" for each in against_hardware(state, facts)), told)
-    yield from (_condition(EXCEPTION, True, f"EXCEPTION: {each}") for each in state.exceptions)
+    yield from each_of("source", (f"{told}, but {each}" for each in against_hardware(state, facts)), told)
+    yield from (condition(EXCEPTION, True, f"EXCEPTION: {each}") for each in state.exceptions)
 
 
 def _recorded_elsewhere(state: RunState) -> Iterator[Condition]:
     """What was put in as a package proves nothing of the bench, and closes nothing."""
     if state.run and state.run.recorded_elsewhere:
         told = f"it was recorded elsewhere, without a bench file: {state.run.recorded_elsewhere}"
-        yield _condition("bench", False, told)
+        yield condition("bench", False, told)
 
 
 def _purpose(state: RunState) -> Iterator[Condition]:
     purpose = state.run.purpose if state.run else None
     closes = purpose is not None and purpose.closes
     proof = f"the purpose is {purpose}"
-    yield _condition("purpose", closes, proof, f"the purpose {purpose} does not close requirements")
+    yield condition("purpose", closes, proof, f"the purpose {purpose} does not close requirements")
     operator = state.run.operator if state.run else ""
-    yield _condition("operator", bool(operator), f"the operator is {operator}", "no operator is named")
-
-
-def _software(facts: Facts) -> Iterator[Condition]:
-    software = facts.software
-    optimize = None if software.flags is None else software.flags.get("optimize")
-    yield _condition(
-        "interpreter",
-        optimize == 0,
-        "Python ran with assertions",
-        "it is not recorded that Python ran with assertions" if optimize is None else "Python ran without assertions",
-    )
-    yield _version("product", software.hil.commit)
-    yield _version("workspace", software.workspace.commit)
-
-
-def _version(name: str, commit: Commit) -> Condition:
-    if not commit.id:
-        return _condition(name, False, f"the {name} is not in version control")
-    changed = f"the {name} differs from its commit {commit.id[:12]}"
-    return _condition(name, not commit.changed, f"the {name} is at commit {commit.id[:12]}, unchanged", changed)
+    yield condition("operator", bool(operator), f"the operator is {operator}", "no operator is named")
 
 
 def _course(state: RunState) -> Iterator[Condition]:
     deviations = (f"deviation: {each}" for each in state.deviations)
-    yield from _each("deviations", deviations, "nothing deviates from the plan")
-    yield _condition("whole", not state.interrupted, "the run came to its own end", "the run was interrupted")
+    yield from each_of("deviations", deviations, "nothing deviates from the plan")
+    yield condition("whole", not state.interrupted, "the run came to its own end", "the run was interrupted")
     limits = sum(gate.ok and gate.name.startswith(_ENVELOPE) for gate in state.gates)
-    yield _condition("envelope", limits > 0, f"{limits} limits of the envelope were tried", "the bench has no envelope")
-    yield _condition("trip", state.trip is None, "the envelope did not trip", "the envelope tripped")
+    yield condition("envelope", limits > 0, f"{limits} limits of the envelope were tried", "the bench has no envelope")
+    yield condition("trip", state.trip is None, "the envelope did not trip", "the envelope tripped")
     safe = state.safe is True
-    yield _condition("safe", safe, "the bench was proven safe at the end", "the bench was not proven safe at the end")
+    yield condition("safe", safe, "the bench was proven safe at the end", "the bench was not proven safe at the end")
 
 
 def _dut(state: RunState) -> Iterator[Condition]:
     dut = state.run.dut if state.run else None
     serial = dut.serial if dut else ""
     proof = f"the device under test has the serial number {serial}"
-    yield _condition("dut", bool(serial), proof, "the device under test has no serial number")
+    yield condition("dut", bool(serial), proof, "the device under test has no serial number")
     model = dut.model if dut else None
     closes = model in MODELS.values()
     told = f"the device under test is {_a(model)}, which closes nothing"
-    yield _condition("model", closes, f"the device under test is {_a(model)}", told)
+    yield condition("model", closes, f"the device under test is {_a(model)}", told)
 
 
 def _a(model: Model | None) -> str:
@@ -224,16 +193,16 @@ def _gates(state: RunState) -> Iterator[Condition]:
     refused = [f"readiness gate {gate.name}: {gate.detail}" for gate in gates if not gate.ok]
     left = [gate.unproven for gate in gates if gate.unproven and not gate.instrument]
     none = ["no readiness gate was passed"] if not state.gates else []
-    yield from _each("readiness", [*none, *refused, *left], f"{len(state.gates)} readiness gates hold")
+    yield from each_of("readiness", [*none, *refused, *left], f"{len(state.gates)} readiness gates hold")
 
 
 def _method(entry: FrozenRequirement, cases: Sequence[CaseOutcome], state: RunState) -> Condition:
     if entry.method == "inspection":
         answered = any(state.cases[case.case].answers for case in cases)
         told = "its method is inspection, and nobody answered a question of its cases"
-        return _condition("method", answered, "its method is inspection, and a person answered", told)
+        return condition("method", answered, "its method is inspection, and a person answered", told)
     told = f"its method is {entry.method}, which no run closes" if entry.method else "the requirement names no method"
-    return _condition("method", entry.method == "test", "its method is test", told)
+    return condition("method", entry.method == "test", "its method is test", told)
 
 
 def _stage(entry: FrozenRequirement, state: RunState) -> Iterator[Condition]:
@@ -244,22 +213,22 @@ def _stage(entry: FrozenRequirement, state: RunState) -> Iterator[Condition]:
     wanted = {str(each): its for each, its in MODELS.items()}.get(entry.stage)
     if wanted is None:
         told = f"its stage is {entry.stage}, which no run closes" if entry.stage else "the requirement names no stage"
-        yield _condition("stage", False, told)
+        yield condition("stage", False, told)
         return
     proof = f"its stage is {entry.stage}, and so is the purpose"
     told = f"its stage is {entry.stage}{_OTHER_PURPOSE}{purpose}"
-    yield _condition("stage", purpose == entry.stage, proof, told)
+    yield condition("stage", purpose == entry.stage, proof, told)
     told = f"its stage is {entry.stage}, which takes {_a(wanted)}, but the device under test is {_a(model)}"
     if model in MODELS.values():
-        yield _condition("stage", model is wanted, f"its stage takes {_a(wanted)}, and the device is one", told)
+        yield condition("stage", model is wanted, f"its stage takes {_a(wanted)}, and the device is one", told)
 
 
 def _instruments(used: Mapping[str, str]) -> Iterator[Condition]:
     for each in sorted({*used.values()} - {Source.HARDWARE}):
         names = ", ".join(sorted(name for name, its in used.items() if its == each))
-        yield _condition("instruments", False, f"{each.upper()}: {names}")
+        yield condition("instruments", False, f"{each.upper()}: {names}")
     if hardware := sorted(name for name, its in used.items() if its == Source.HARDWARE):
-        yield _condition("instruments", True, f"HARDWARE: {', '.join(hardware)}")
+        yield condition("instruments", True, f"HARDWARE: {', '.join(hardware)}")
 
 
 def _identities(used: Mapping[str, str], state: RunState) -> Iterator[Condition]:
@@ -268,14 +237,14 @@ def _identities(used: Mapping[str, str], state: RunState) -> Iterator[Condition]
         seen = [gate for gate in state.gates if gate.instrument == name]
         yield _identity(name, seen)
         if source == Source.HARDWARE and not any(gate.instrument == name for gate in state.host_gates):
-            yield _condition("port", False, f"it is not known what is at the port of {name}")
+            yield condition("port", False, f"it is not known what is at the port of {name}")
 
 
 def _identity(name: str, seen: Sequence[Gate]) -> Condition:
     if not seen:
-        return _condition("identity", False, f"it was not asked who {name} is")
+        return condition("identity", False, f"it was not asked who {name} is")
     left = next((gate.unproven for gate in seen if gate.unproven), "")
-    return _condition("identity", not left, f"{name} is {seen[-1].detail}, as the bench file says", left)
+    return condition("identity", not left, f"{name} is {seen[-1].detail}, as the bench file says", left)
 
 
 def _calibration(instruments: Sequence[str], facts: Facts) -> Iterator[Condition]:
@@ -286,4 +255,4 @@ def _calibration(instruments: Sequence[str], facts: Facts) -> Iterator[Condition
         problems = [f"{name} {each}" for each in record.problems(facts.begun or facts.date, facts.date)]
         if record.due and record.size is None:
             problems.append(f"{name} has a certificate whose bytes were not frozen")
-        yield from _each("calibration", problems, f"{name} was in calibration: due {record.due}, used {facts.date}")
+        yield from each_of("calibration", problems, f"{name} was in calibration: due {record.due}, used {facts.date}")

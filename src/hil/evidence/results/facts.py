@@ -19,6 +19,7 @@ from hil.evidence.events.codec import convert
 from hil.evidence.folder import CALIBRATION, CATALOGUE, DUT, REGISTERS, SOFTWARE
 from hil.evidence.journal.clocks import clock_doubts
 from hil.evidence.journal.reader import JournalReading
+from hil.evidence.results.software import FrozenSoftware
 from hil.model.bench import Calibration as Calibrated
 from hil.model.errors import EvidenceError, Finding
 from hil.requirements.requirement import Decision, Limit, Requirement
@@ -26,14 +27,12 @@ from hil.requirements.requirement import Decision, Limit, Requirement
 __all__ = [
     "Calibration",
     "Catalogue",
-    "Commit",
     "DamagedFile",
     "Facts",
     "FrozenCalibration",
     "FrozenLimit",
     "FrozenRange",
     "FrozenRequirement",
-    "FrozenSoftware",
     "entries_of",
     "facts_of",
     "freeze_calibration",
@@ -146,33 +145,6 @@ class FrozenCalibration(msgspec.Struct, frozen=True, kw_only=True):
             yield f"was used before its calibration: calibrated {self.date}, used {first[:10]}"
         if last[:10] > self.due:
             yield f"was out of calibration: due {self.due}, used {last[:10]}"
-
-
-class Commit(msgspec.Struct, frozen=True, kw_only=True):
-    """Where some software was in version control; the id is empty if it was not."""
-
-    id: str = ""
-    changed: bool = False
-
-
-class Versioned(msgspec.Struct, frozen=True, kw_only=True):
-    """Some software, by its commit."""
-
-    commit: Commit = Commit()
-
-
-class FrozenSoftware(msgspec.Struct, frozen=True, kw_only=True):
-    """What of `data/software.json` verdicts depend on.
-
-    Attributes:
-        hil: the product.
-        workspace: the workspace.
-        flags: of the interpreter; None in packages that do not record them.
-    """
-
-    hil: Versioned = Versioned()
-    workspace: Versioned = Versioned()
-    flags: Mapping[str, int] | None = None
 
 
 Catalogue = Mapping[str, FrozenRequirement]

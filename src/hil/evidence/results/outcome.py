@@ -14,6 +14,8 @@ from hil.model.verdict import Verdict
 __all__ = [
     "EXCEPTION",
     "FORMAT",
+    "NO_OTHERS",
+    "OTHERS",
     "AttemptOutcome",
     "CaseOutcome",
     "CaseVerdict",
@@ -120,6 +122,14 @@ class CaseVerdict(Part, frozen=True, kw_only=True):
 
 EXCEPTION = "exception"
 """The name of conditions that tell what is hardware by the word of the bench file alone."""
+
+
+OTHERS = "others"
+"""The name of conditions about drivers, roles and the like that are of other packages than hil."""
+
+
+NO_OTHERS = "every driver and role is of hil itself"
+"""What the condition says where there is none."""
 
 
 class Condition(Part, frozen=True, kw_only=True):

@@ -28,6 +28,7 @@ _PARTS = {
     "data/bench/": "the bench",
     f"{REGISTERS}/": "certificates",
     "data/catalogue/": "requirements or parameters",
+    "data/packages/": "drivers of other packages",
     "data/sources/": "plans or fixtures",
 }
 _MOST_FILES = 3

@@ -24,6 +24,7 @@ from hil.evidence.results.facts import (
     frozen_calibration,
 )
 from hil.executive.setup.configuration import Configuration
+from hil.executive.setup.other_code import other_packages
 from hil.executive.setup.software import software_identity, version
 from hil.model.bench import InstrumentSpec
 from hil.model.errors import EvidenceError
@@ -183,6 +184,9 @@ def _freeze(configuration: Configuration, folder: Path) -> Frozen:
     _registers(configuration, folder)
     calibration = freeze_calibration(folder, _calibrations(configuration, folder))
     _put(folder / "data/dut.json", canonical({**asdict(configuration.dut), "format": 1}))
+    for each in other_packages():
+        for name, data in each.sources():
+            _put(folder / name, data)
     _put(folder / "data/software.json", canonical(software_identity(workspace.root)))
     _put(folder / "data/place.json", canonical(_place(configuration)))
     named = inventory(folder)

@@ -5,8 +5,6 @@ from __future__ import annotations
 import base64
 import os
 import platform
-import shutil
-import subprocess
 import sys
 from collections.abc import Mapping
 from functools import cache
@@ -15,8 +13,9 @@ from pathlib import Path
 
 import hil
 from hil.documents.canonical import JsonError, parse_strict
-from hil.evidence.durable import sha256_of
 from hil.evidence.results.judging_code import judging_digest
+from hil.executive.setup.checkout import digest_of, git, status
+from hil.executive.setup.other_code import at_start, of_no_package, other_packages
 from hil.model.errors import Refused
 
 __all__ = ["PINNED", "customised", "pinned_environment", "require_assertions", "software_identity", "version"]
@@ -37,12 +36,8 @@ def pinned_environment() -> dict[str, str]:
     return {**kept, **PINNED}
 
 
-_GIT_TIMEOUT_S = 10
 _BUILT = "built.json"
 """What the wheel has beside the product's modules: the commit of its source, and whether it differed."""
-_COMMIT = "# branch.oid "
-_FIELDS = {"1": 8, "2": 9, "u": 10, "?": 1}
-"""What `git status --porcelain=v2` writes before a path, by its line: changed, renamed, unmerged, untracked."""
 _FLAGS = ("optimize", "dev_mode", "ignore_environment", "isolated", "no_site", "no_user_site", "safe_path")
 """Flags of the interpreter that are frozen; with the first one it leaves assertions out."""
 
@@ -79,12 +74,15 @@ def version() -> str:
 def software_identity(workspace: Path) -> dict[str, object]:
     """Return what is frozen as `data/software.json`; the workspace's difference to its commit is kept whole."""
     return {
-        "format": 1,
+        "format": 2,
         "hil": {"version": version(), "commit": _source(Path(hil.__file__).parent)},
         "workspace": _workspace(workspace),
         "python": platform.python_version(),
         "platform": platform.platform(),
         "packages": dict(_packages()),
+        "others": [each.facts for each in other_packages()],
+        "start": at_start(),
+        "strays": of_no_package(workspace),
         "flags": {name: int(getattr(sys.flags, name)) for name in _FLAGS},
         "numeric": {name: os.environ.get(name, "") for name in PINNED},
         "byte_order": sys.byteorder,
@@ -99,8 +97,8 @@ def _packages() -> tuple[tuple[str, str], ...]:
 
 
 def _workspace(folder: Path) -> dict[str, object]:
-    commit, changed = _status(folder)
-    difference = _git(folder, "diff", "HEAD") if commit else ""
+    commit, changed = status(folder)
+    difference = git(folder, "diff", "HEAD") if commit else ""
     return {"commit": {"id": commit, "changed": bool(commit and changed)}, "difference": difference}
 
 
@@ -110,19 +108,11 @@ def _source(package: Path) -> dict[str, object]:
     What else lies in its checkout cannot change a run: plans and fixtures have digests of their own. A package that was
     installed into somebody's checkout is not part of it; it has the commit that its wheel names.
     """
-    if not _git(package, "ls-files", "--", "__init__.py"):
+    if not git(package, "ls-files", "--", "__init__.py"):
         return _installed(package)
-    commit, names = _status(package, "--no-renames", "--untracked-files=all", "--", ".")
-    top = Path(_git(package, "rev-parse", "--show-toplevel").removesuffix("\n")) if names else package
-    return {"id": commit, "changed": bool(names), "files": {name: _digest(top / name) for name in names}}
-
-
-def _status(folder: Path, *arguments: str) -> tuple[str, list[str]]:
-    """Return the commit that is checked out, empty if there is none, and what differs, by its path in the checkout."""
-    told = _git(folder, "status", "--porcelain=v2", "--branch", "-z", *arguments).split("\0")
-    commit = next((entry.removeprefix(_COMMIT) for entry in told if entry.startswith(_COMMIT)), "")
-    changed = [entry.split(" ", _FIELDS[entry[0]])[-1] for entry in told if entry and entry[0] in _FIELDS]
-    return "" if commit == "(initial)" else commit, changed
+    commit, names = status(package, "--no-renames", "--untracked-files=all", "--", ".")
+    top = Path(git(package, "rev-parse", "--show-toplevel").removesuffix("\n")) if names else package
+    return {"id": commit, "changed": bool(names), "files": {name: digest_of(top / name) for name in names}}
 
 
 def _installed(package: Path) -> dict[str, object]:
@@ -141,7 +131,7 @@ def _installed(package: Path) -> dict[str, object]:
     there = {path for path in package.rglob("*") if path.is_file() and "__pycache__" not in path.parts}
     due = {path for path in recorded if path.is_relative_to(package) and "__pycache__" not in path.parts}
     files = {
-        path.relative_to(package.parent).as_posix(): _digest(path)
+        path.relative_to(package.parent).as_posix(): digest_of(path)
         for path in sorted(there | due)
         if not _is_as_recorded(path, recorded.get(path))
     }
@@ -152,26 +142,5 @@ def _installed(package: Path) -> dict[str, object]:
 def _is_as_recorded(path: Path, recorded: metadata.FileHash | None) -> bool:
     if recorded is None or recorded.mode != "sha256":
         return False
-    digest = base64.urlsafe_b64encode(bytes.fromhex(_digest(path))).rstrip(b"=").decode()
+    digest = base64.urlsafe_b64encode(bytes.fromhex(digest_of(path))).rstrip(b"=").decode()
     return digest == recorded.value
-
-
-def _digest(path: Path) -> str:
-    """Return a file's SHA-256, empty if it is gone."""
-    try:
-        return sha256_of(path)
-    except OSError:
-        return ""
-
-
-def _git(folder: Path, *arguments: str) -> str:
-    git = shutil.which("git")
-    if git is None:
-        return ""
-    try:
-        done = subprocess.run(  # noqa: S603 - git of this machine with fixed arguments
-            [git, "-C", str(folder), *arguments], capture_output=True, text=True, timeout=_GIT_TIMEOUT_S, check=False
-        )
-    except (OSError, subprocess.TimeoutExpired, UnicodeDecodeError):
-        return ""
-    return done.stdout if done.returncode == 0 else ""

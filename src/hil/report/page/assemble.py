@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 
 from hil.documents.canonical import parse_strict
 from hil.evidence.events import Case, Check, Event, Fed, NotRun, Orphan, Recording, Run
-from hil.evidence.results.outcome import AttemptOutcome, CaseOutcome, Outcome, RequirementOutcome
+from hil.evidence.results.outcome import OTHERS, AttemptOutcome, CaseOutcome, Outcome, RequirementOutcome
 from hil.model.identity import Source
 from hil.model.verdict import Verdict
 from hil.report.drawing.checks import bounds_by_case, charts, short
@@ -122,7 +122,7 @@ def assemble(material: Material, evidence_digest: str) -> RunView:
         happenings=happenings(placed, names, guarded(material.guardian()), material.sent()),
         deviations=run.deviations if run else (),
         parameters=_parameters(material),
-        software=_software(run, _json(material, "software.json"), _json(material, "place.json")),
+        software=_software(results, _json(material, "software.json"), _json(material, "place.json")),
         content_digest=results.content_digest,
         evidence_digest=evidence_digest,
         ledger_head=material.ledger_head(),
@@ -361,17 +361,24 @@ def _parameters(material: Material) -> tuple[ParameterRow, ...]:
     )
 
 
-def _software(run: Run | None, software: Body, place: Body) -> tuple[Fact, ...]:
+_OTHER_CODE = {OTHERS: "drivers from other packages", "start": "other code"}
+_TOLD_APART = frozenset({"format", "packages", "others", "start", "strays"})
+
+
+def _software(results: Outcome, software: Body, place: Body) -> tuple[Fact, ...]:
+    run = results.run
     named = (("hil version", run.version), ("seed", run.seed)) if run else ()
     files = {"catalogue": run.catalogue, "parameters": run.parameters, "sources": run.sources} if run else {}
     digests = tuple((f"{name} sha256", digest) for name, digest in files.items())
     packages = ", ".join(f"{name} {version}" for name, version in flat(inner(software, "packages")))
     rest = (
         (name, value or _ABSENT.get(name.split(".")[0], ""))
-        for name, value in flat({key: value for key, value in software.items() if key not in {"format", "packages"}})
+        for name, value in flat({key: value for key, value in software.items() if key not in _TOLD_APART})
     )
     where = ((f"place.{name}", value) for name, value in flat(place) if name != "format")
-    pairs = (*named, *digests, *((name, _short(value)) for name, value in rest), ("packages", packages), *where)
+    others = ((_OTHER_CODE[each.name], each.text) for each in results.conditions or () if each.name in _OTHER_CODE)
+    told = ((name, _short(value)) for name, value in rest)
+    pairs = (*named, *digests, *told, *others, ("packages", packages), *where)
     return tuple(Fact(label=label, value=value) for label, value in pairs)
 
 

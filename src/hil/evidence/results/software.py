@@ -1,0 +1,169 @@
+"""The software of a run as it was frozen, and what of it is proven: product, workspace, and code of others."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+import msgspec
+
+from hil.evidence.results.outcome import NO_OTHERS, OTHERS, Condition
+
+__all__ = ["AtStart", "Commit", "FrozenSoftware", "OtherPackage", "condition", "each_of", "of_software"]
+
+_TELLS_OF_OTHERS = 2
+"""The first format of `software.json` that tells of code of others."""
+_ORIGINS = {
+    "archive": "an archive",
+    "folder": "a folder in version control",
+    "index": "an index",
+    "version control": "version control",
+}
+_MOST = 3
+
+
+class Commit(msgspec.Struct, frozen=True, kw_only=True):
+    """Where some software was in version control; the id is empty if it was not."""
+
+    id: str = ""
+    changed: bool = False
+
+
+class Versioned(msgspec.Struct, frozen=True, kw_only=True):
+    """Some software, by its commit."""
+
+    commit: Commit = Commit()
+
+
+class OtherPackage(msgspec.Struct, frozen=True, kw_only=True):
+    """A package of somebody else that offered something the run used, as it was frozen.
+
+    Attributes:
+        name: its name.
+        version: its version.
+        offers: what the run used of it, such as `driver ina226`.
+        origin: where it was installed from: `index`, `archive`, `version control` or `folder`.
+        commit: that holds its files, for one from version control or from a folder.
+        recorded: whether it has a RECORD, which names its files as they were installed.
+        differing: the files that are not as the RECORD says.
+    """
+
+    name: str
+    version: str
+    offers: tuple[str, ...]
+    origin: str = msgspec.field(name="from")
+    commit: Commit = Commit()
+    recorded: bool = False
+    differing: tuple[str, ...] = ()
+
+
+class AtStart(msgspec.Struct, frozen=True, kw_only=True):
+    """Code that Python executed when it started: its file, the package that it is of, and whether it is unchanged."""
+
+    file: str
+    package: str = msgspec.field(name="of")
+    whole: bool
+
+
+class FrozenSoftware(msgspec.Struct, frozen=True, kw_only=True):
+    """What of `data/software.json` verdicts depend on.
+
+    Attributes:
+        hil: the product.
+        workspace: the workspace.
+        flags: of the interpreter; None in packages that do not record them.
+        format: from 2 on it tells of code of others.
+        others: packages of others that offered something the run used.
+        start: what Python executed when it started.
+        strays: loaded modules that are of no package.
+    """
+
+    format: int = 1
+    hil: Versioned = Versioned()
+    workspace: Versioned = Versioned()
+    flags: Mapping[str, int] | None = None
+    others: tuple[OtherPackage, ...] = ()
+    start: tuple[AtStart, ...] = ()
+    strays: tuple[str, ...] = ()
+
+
+def of_software(software: FrozenSoftware) -> Iterator[Condition]:
+    """Give what is proven of product, workspace, interpreter, and of code of others."""
+    optimize = None if software.flags is None else software.flags.get("optimize")
+    yield condition(
+        "interpreter",
+        optimize == 0,
+        "Python ran with assertions",
+        "it is not recorded that Python ran with assertions" if optimize is None else "Python ran without assertions",
+    )
+    yield _version("product", software.hil.commit)
+    yield _version("workspace", software.workspace.commit)
+    if software.format >= _TELLS_OF_OTHERS:
+        yield from _others(software)
+        yield from each_of("start", _strangers(software), _started(software))
+
+
+def _others(software: FrozenSoftware) -> Iterator[Condition]:
+    """Drivers and the like of others count if what was installed is known, and nobody changed it since."""
+    if not software.others:
+        yield condition(OTHERS, True, NO_OTHERS)
+    for each in software.others:
+        named = f"{', '.join(each.offers)} of package {each.name} {each.version}"
+        problem = _unknown(each)
+        at = f", commit {each.commit.id[:12]}" if each.commit.id else ""
+        proof = f"{named} is as it was installed from {_ORIGINS.get(each.origin, each.origin)}{at}"
+        yield condition(OTHERS, not problem, proof, f"{named} {problem}")
+
+
+def _unknown(package: OtherPackage) -> str:
+    """Return why nobody can know what code of a package ran, empty if it is known."""
+    if package.origin == "folder" and not package.commit.id:
+        return "was installed from a folder that is not in version control"
+    if package.origin == "folder" and package.commit.changed:
+        return f"differs from commit {package.commit.id[:12]} of the folder that it was installed from"
+    if package.origin not in _ORIGINS:
+        return f"was installed from {package.origin or 'nobody knows where'}"
+    if not package.recorded:
+        return "has no RECORD of its files, so nobody can tell whether they were changed"
+    if package.differing:
+        return f"was changed after it was installed: {_some(package.differing)}"
+    return ""
+
+
+def _strangers(software: FrozenSoftware) -> Iterator[str]:
+    for each in software.start:
+        if not each.package:
+            yield f"Python executed {each.file} when it started, which is of no installed package"
+        elif not each.whole:
+            yield f"Python executed {each.file} when it started, which is not as {each.package} has it"
+    if software.strays:
+        yield f"code was loaded that is of no installed package: {_some(software.strays)}"
+
+
+def _started(software: FrozenSoftware) -> str:
+    told = ", ".join(f"{each.file} of {each.package}" for each in software.start)
+    return f"all code is of Python, of installed packages or of the workspace{f'; at the start {told}' * bool(told)}"
+
+
+def _some(names: Sequence[str]) -> str:
+    more = len(names) - _MOST
+    return ", ".join(names[:_MOST]) + (f" and {more} more" if more > 0 else "")
+
+
+def _version(name: str, commit: Commit) -> Condition:
+    if not commit.id:
+        return condition(name, False, f"the {name} is not in version control")
+    changed = f"the {name} differs from its commit {commit.id[:12]}"
+    return condition(name, not commit.changed, f"the {name} is at commit {commit.id[:12]}, unchanged", changed)
+
+
+def condition(name: str, proven: bool, proof: str, reason: str = "") -> Condition:
+    """Return a condition with what proves it, or where it is not proven and there is one, the reason."""
+    return Condition(name=name, proven=proven, text=proof if proven or not reason else reason)
+
+
+def each_of(name: str, reasons: Iterable[str], proof: str) -> Iterator[Condition]:
+    """Give a condition per reason, or the one that is proven where there is none."""
+    told = tuple(reasons)
+    yield from (condition(name, False, reason) for reason in told)
+    if not told:
+        yield condition(name, True, proof)

@@ -1,0 +1,252 @@
+"""Code in a run that is neither the product's nor the workspace's: of which package, and whether it was changed."""
+
+from __future__ import annotations
+
+import base64
+import json
+import os
+import site
+import sys
+import sysconfig
+from collections.abc import Iterator, Mapping
+from functools import cache
+from importlib import metadata
+from importlib.metadata import Distribution, EntryPoint
+from pathlib import Path
+from typing import NamedTuple
+from urllib.parse import urlsplit
+from urllib.request import url2pathname
+
+from hil.documents.offers import Offers
+from hil.executive.setup.checkout import digest_of, status, tracked
+
+__all__ = ["OtherPackage", "at_start", "of_no_package", "other_packages"]
+
+_PRODUCT = "hil"
+_CUSTOMISING = ("sitecustomize", "usercustomize")
+_VIRTUALENV = frozenset(
+    {
+        "0f20351ea7e90039c46d3fabdef991f28b1e3ff33eb13ee6f0d5cd21ea0e8b14",
+        "69ac3d8f27e679c81b94ab30b3b56e9cd138219b1ba94a1fa3606d5a76a1433d",
+    }
+)
+"""SHA-256 of `_virtualenv.py` and `_virtualenv.pth`, which virtualenv 20 writes into environments without a RECORD."""
+
+
+class _Owner(NamedTuple):
+    """Which package a file is of, and its SHA-256 as the RECORD has it (PEP 376), empty where it has none."""
+
+    package: str
+    sha256: str
+
+
+class OtherPackage:
+    """A package of somebody else that offers something the run uses.
+
+    Args:
+        distribution: the package as it is installed.
+        points: what the run uses of it, by what it is.
+    """
+
+    def __init__(self, distribution: Distribution, points: Mapping[EntryPoint, str]) -> None:
+        self.name = f"{distribution.name} {distribution.version}"
+        self._distribution = distribution
+        self._points = points
+        self._recorded = _recorded(distribution)
+        self._root = Path(os.path.realpath(str(distribution.locate_file(""))))
+        self._told = _direct_url(distribution)
+        self._folder = _folder(self._told)
+
+    @property
+    def facts(self) -> dict[str, object]:
+        """What `data/software.json` holds of it."""
+        files = {self._shown(path): digest_of(path) for path in self._files()}
+        return {
+            "name": self._distribution.name,
+            "version": self._distribution.version,
+            "offers": sorted(f"{what} {point.name}" for point, what in self._points.items()),
+            "from": self._origin(),
+            "commit": self._commit(),
+            "recorded": bool(self._recorded),
+            "files": files,
+            "differing": sorted(self._differing()),
+        }
+
+    def sources(self) -> Iterator[tuple[str, bytes]]:
+        """Yield path in the package of evidence, and content, of each of its Python files."""
+        for path in self._files():
+            if path.suffix == ".py":
+                yield f"data/packages/{self._distribution.name}/{self._shown(path)}", path.read_bytes()
+
+    def _origin(self) -> str:
+        if self._folder is not None:
+            return "folder"
+        if "vcs_info" in self._told:
+            return "version control"
+        return "archive" if self._told else "index"
+
+    def _commit(self) -> dict[str, object]:
+        """Return the commit that holds each of its files, with an empty id where there is none."""
+        told = self._told.get("vcs_info")
+        if isinstance(told, dict):
+            return {"id": str(told.get("commit_id", "")), "changed": False}
+        if self._folder is None:
+            return {"id": "", "changed": False}
+        commit, changed = status(self._folder, "--untracked-files=all", "--", ".")
+        held = tracked(self._folder, ".py") if commit else set()
+        strange = any(path.suffix == ".py" and digest_of(path) not in held for path in self._files())
+        return {"id": commit, "changed": bool(commit) and (strange or bool(changed))}
+
+    def _files(self) -> list[Path]:
+        """Return the files of its RECORD, and the modules that lie beside them in its folders of code."""
+        recorded = {path for path in map(Path, self._recorded) if not path.parent.name.endswith(".dist-info")}
+        return sorted({path for path in recorded if path.exists()} | set(self._modules()))
+
+    def _modules(self) -> Iterator[Path]:
+        for place in self._places():
+            yield from place.rglob("*.py") if place.is_dir() else [place]
+
+    def _places(self) -> Iterator[Path]:
+        """Yield the folders of its code, and its modules outside of folders."""
+        for top in {point.module.partition(".")[0] for point in self._points}:
+            module = sys.modules.get(top)
+            found = list(getattr(module, "__path__", ())) or [getattr(module, "__file__", None)]
+            yield from (Path(os.path.realpath(each)) for each in found if each)
+
+    def _differing(self) -> Iterator[str]:
+        """Yield the files that are not as they were installed, or came later; of one installed in place, none is."""
+        if not self._recorded or self._in_place:
+            return
+        for path in {*self._files(), *map(Path, self._recorded)}:
+            due = self._recorded.get(str(path))
+            if due is None or (due and due != digest_of(path)):
+                yield self._shown(path)
+
+    @property
+    def _in_place(self) -> bool:
+        told = self._told.get("dir_info")
+        return isinstance(told, dict) and bool(told.get("editable"))
+
+    def _shown(self, path: Path) -> str:
+        """Return a path that tells nothing of this machine."""
+        roots = (self._root, *(place.parent for place in self._places()))
+        return next((path.relative_to(root).as_posix() for root in roots if path.is_relative_to(root)), path.name)
+
+
+def other_packages() -> tuple[OtherPackage, ...]:
+    """Return the packages of others that offer a driver, role, plant or the like that this process has loaded."""
+    found: dict[str, tuple[Distribution, dict[EntryPoint, str]]] = {}
+    for what, point in Offers.in_use():
+        if point.dist is not None and point.dist.name != _PRODUCT:
+            found.setdefault(point.dist.name, (point.dist, {}))[1][point] = what
+    return tuple(OtherPackage(distribution, points) for _, (distribution, points) in sorted(found.items()))
+
+
+def at_start(modules: Mapping[str, object] = sys.modules) -> list[dict[str, object]]:
+    """Return what Python executed when it started, besides itself: lines of `.pth` files that import, and customising.
+
+    Each has the package that it is of, empty for none, and whether it is as that package's RECORD says.
+    """
+    if sys.flags.no_site:
+        return []
+    users = [site.getusersitepackages()] if site.ENABLE_USER_SITE else []
+    folders = dict.fromkeys(os.path.realpath(each) for each in (*site.getsitepackages(), *users))
+    lines = [path for folder in folders for path in sorted(Path(folder).glob("*.pth")) if _imports(path)]
+    named = [getattr(modules.get(each), "__file__", None) for each in _CUSTOMISING]
+    own = [Path(os.path.realpath(each)) for each in named if each and not _is_python(os.path.realpath(each))]
+    return [_started(path) for path in (*lines, *own)]
+
+
+def of_no_package(workspace: Path, modules: Mapping[str, object] = sys.modules) -> list[str]:
+    """Return the loaded modules that are of no package, of neither Python nor the workspace, with their file's name."""
+    inside = (f"{os.path.realpath(workspace)}{os.sep}", *(f"{each}{os.sep}" for each in _in_place()))
+    strays = []
+    for name, module in sorted(modules.items()):
+        file = getattr(module, "__file__", None)
+        ours = type(getattr(module, "__loader__", None)).__module__.startswith("hil.")  # from a frozen source
+        if not isinstance(file, str) or ours or file in _owners() or _is_python(file):
+            continue
+        real = os.path.realpath(file)
+        if real not in _owners() and not _is_python(real) and not real.startswith(inside):
+            strays.append(f"{name} ({Path(real).name})")
+    return strays
+
+
+def _started(path: Path) -> dict[str, object]:
+    owner, digest = _owners().get(str(path), _Owner("", "")), digest_of(path)
+    if digest in _VIRTUALENV and digest_of(path.with_name("_virtualenv.py")) in _VIRTUALENV:
+        owner = _Owner("virtualenv", digest)
+    as_recorded = bool(digest) and owner.sha256 == digest
+    return {"file": f"{path.parent.name}/{path.name}", "sha256": digest, "of": owner.package, "whole": as_recorded}
+
+
+def _imports(path: Path) -> bool:
+    """Return whether Python executes a line of this file, see the documentation of `site`."""
+    try:
+        text = path.read_text(encoding="utf-8-sig", errors="replace")
+    except OSError:
+        return False
+    return any(line.startswith(("import ", "import\t")) for line in text.splitlines())
+
+
+@cache
+def _owners() -> Mapping[str, _Owner]:
+    """Return every file that an installed package records; reading what they record takes some milliseconds."""
+    found = {}
+    for each in metadata.distributions():
+        package = f"{each.name} {each.version}"  # what is read from its metadata every time
+        found.update({path: _Owner(package, digest) for path, digest in _recorded(each).items()})
+    return found
+
+
+def _recorded(distribution: Distribution) -> dict[str, str]:
+    """Return the files that a package records, with their SHA-256, empty for those that it records without one."""
+    root = os.path.realpath(str(distribution.locate_file("")))
+    found = {}
+    for line in (distribution.read_text("RECORD") or "").splitlines():
+        name, _, rest = line.rpartition(",")[0].rpartition(",")
+        if name and "__pycache__" not in name:
+            path = os.path.normpath(os.path.join(root, name.strip('"')))  # noqa: PTH118 - of some thousand files
+            found[path] = _hexadecimal(rest)
+    return found
+
+
+def _hexadecimal(recorded: str) -> str:
+    kind, _, digest = recorded.partition("=")
+    return base64.urlsafe_b64decode(f"{digest}==").hex() if kind == "sha256" else ""
+
+
+@cache
+def _in_place() -> tuple[str, ...]:
+    """Return the folders of packages that were installed in place, whose files no RECORD has."""
+    told = (_direct_url(each) for each in metadata.distributions())
+    folders = (_folder(each) for each in told if isinstance(each.get("dir_info"), dict) and each["dir_info"])
+    return tuple(os.path.realpath(each) for each in folders if each is not None)
+
+
+def _direct_url(distribution: Distribution) -> dict[str, object]:
+    """Return where a package was installed from, see PEP 610; nothing for one from an index."""
+    try:
+        told = json.loads(distribution.read_text("direct_url.json") or "{}")
+    except ValueError:
+        return {}
+    return told if isinstance(told, dict) else {}
+
+
+def _folder(told: Mapping[str, object]) -> Path | None:
+    """Return the folder that a package was installed from, None for one from elsewhere."""
+    return Path(os.path.realpath(url2pathname(urlsplit(str(told["url"])).path))) if "dir_info" in told else None
+
+
+@cache
+def _library() -> tuple[str, ...]:
+    paths = sysconfig.get_paths()
+    return tuple(f"{os.path.realpath(paths[name])}{os.sep}" for name in ("stdlib", "platstdlib"))
+
+
+def _is_python(file: str) -> bool:
+    """Return whether a file is of Python itself, and not of what is installed beside it."""
+    return file.startswith(_library()) and not any(f"{os.sep}{each}{os.sep}" in file for each in _PACKAGES)
+
+
+_PACKAGES = ("site-packages", "dist-packages")
