@@ -33,6 +33,13 @@ def test_the_first_run_goes_as_told(tmp_path):
 
 @pytest.mark.system
 @pytest.mark.timeout(600)
+def test_a_power_board_is_accepted_as_told(tmp_path):
+    """In an empty folder: bench, requirements and cases of an EPS board, a dry run, a run, and boards that fail."""
+    assert follow(steps_of(DOCS / "tutorials" / "accept-a-power-board.md"), tmp_path) == ""
+
+
+@pytest.mark.system
+@pytest.mark.timeout(600)
 def test_a_plan_is_written_as_told(tmp_path):
     """In an empty folder, the files and commands of the guide make a plan that runs."""
     steps = steps_of(DOCS / "how-to" / "write-a-plan.md")
