@@ -87,10 +87,9 @@ def test_what_it_cannot_do_is_refused_or_rejected():
 
 def test_an_output_that_stays_on_is_a_fault():
     """Off is read back; a dead instrument is silent."""
-    with (
-        generator(faults=[{"kind": "refuse-off"}]) as (driver, _),
-        pytest.raises(Rejected, match="switched off and is on"),
-    ):
-        output(driver).disable()
+    with generator(faults=[{"kind": "refuse-off"}]) as (driver, _):
+        output(driver).enable()
+        with pytest.raises(Rejected, match="switched off and is on"):
+            output(driver).disable()
     with generator(faults=[{"kind": "dead"}]) as (driver, _), pytest.raises(NoReply):
         output(driver).enable()

@@ -9,31 +9,31 @@ A terminal `1` or `2` goes to the input `drive` of a `signal-node`.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from hil.clock.port import NANOSECONDS
 from hil.model.notation import AnyText, NotNegative, Number
-from hil.simulation.faults import Identity
-from hil.simulation.peers.model import PeerModel, PeerSetup
-from hil.simulation.peers.scpi import ScpiError, choice, none, one, switch, value
-from hil.simulation.peers.signal_instrument import SignalInstrument
+from hil.simulation.faults import Faults, Identity
+from hil.simulation.peers.manner import DeviceTruth
+from hil.simulation.peers.model import PeerSetup
+from hil.simulation.peers.scpi import ScpiError, none, one, value
+from hil.simulation.peers.scpi_instrument import instrument_of
+from hil.simulation.peers.scpi_manual import Act, Channel, Manual, Switch, Word
 from hil.simulation.peers.supply_output import RefuseOff
 from hil.simulation.plants.signal_node import driven
 from hil.simulation.plants.terminal import InputPoint
-from hil.wire.checkpoint import Kept, Stateful
-from hil.wire.peer import Line, PeerClock
+from hil.wire.checkpoint import Kept
 
-__all__ = ["MODEL", "Generator", "GeneratorTruth"]
+__all__ = ["MODEL", "GeneratorOutput", "GeneratorTruth"]
 
-_SHAPES = ("SINusoid", "SQUare", "RAMP", "DC")
 _INFINITY = 9.9e37
 _MOST_VOLTS, _MATCHED = 5.0, 50.0
+_NR3 = "{:+.15E}".format
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class GeneratorTruth:
-    """One device: what it says of itself, how long a line takes [s], and the relative error of what it gives."""
+class GeneratorTruth(DeviceTruth):
+    """One device, and the relative error of what it gives."""
 
     serial: AnyText = "MY57800001"
     firmware: AnyText = "5.03-3.15-2.00-58-00"
@@ -41,110 +41,108 @@ class GeneratorTruth:
     gain: Number = 0.0
 
 
-class _Output(Stateful):
-    """One output."""
+class GeneratorOutput(Channel):
+    """One output; its faults are those of its `number`."""
 
     on: Kept[bool]
-    shape: Kept[str]
-    frequency: Kept[float]
-    amplitude: Kept[float]
-    offset: Kept[float]
-    load: Kept[float]
+    stuck_on: Kept[bool]
+    settings: Kept[dict[str, float]]
+    waveform: Kept[str]
     since_ns: Kept[int]
 
-    def __init__(self, point: InputPoint | None, gain: float) -> None:
-        self._point, self._gain = point, 1 + gain
-        self.on, self.shape, self.frequency, self.amplitude, self.offset = False, "SIN", 1000.0, 0.1, 0.0
-        self.load, self.since_ns = _MATCHED, 0
+    def __init__(self, number: int, point: InputPoint | None, gain: float, faults: Faults) -> None:
+        self._number, self._point, self._gain, self._faults = number, point, 1 + gain, faults
+        self.reset(0)
 
-    def fits(self) -> bool:
-        """Return whether amplitude and offset are within what it can give."""
-        most = _MOST_VOLTS * (2 if self.load > _MATCHED else 1)
-        swing = 0.0 if self.shape == "DC" else self.amplitude / 2
-        return abs(self.offset) + swing <= most * (1 + 1e-9)
+    def reset(self, now_ns: int) -> None:
+        """Return to the settings of power-on."""
+        self.on, self.stuck_on, self.waveform, self.since_ns = False, False, "SIN", now_ns
+        self.settings = {"frequency": 1000.0, "amplitude": 0.1, "offset": 0.0, "load": _MATCHED}
+        self.apply()
+
+    def change(self, name: str, number: float) -> None:
+        """Take a setting, if amplitude and offset stay within what it can give."""
+        self._become({**self.settings, name: number}, self.waveform)
+
+    @property
+    def shape(self) -> str:
+        """The shape, by its short word."""
+        return self.waveform
+
+    @shape.setter
+    def shape(self, word: str) -> None:
+        self._become(self.settings, word)
+
+    def _become(self, settings: dict[str, float], waveform: str) -> None:
+        most = _MOST_VOLTS * (2 if settings["load"] > _MATCHED else 1)
+        swing = 0.0 if waveform == "DC" else settings["amplitude"] / 2
+        if abs(settings["offset"]) + swing > most * (1 + 1e-9):
+            raise ScpiError(-221)
+        self.settings, self.waveform = settings, waveform
+        self.apply()
+
+    def switch(self, on: bool, now_ns: int) -> None:
+        """Switch it; phase zero is when it comes on. The fault `refuse-off` keeps it on whatever it says."""
+        giving = self.on or self.stuck_on
+        refused = self._faults.now(RefuseOff, now_ns, self._number) if giving and not on else None
+        if on and not giving:
+            self.since_ns = now_ns
+        self.on = on or (refused is not None and refused.says == "on")
+        self.stuck_on = refused is not None and not self.on
+        self.apply()
 
     def apply(self) -> None:
         """Give to the terminals what the settings say: a load that is not there gets twice what was meant for it."""
         if self._point is not None:
-            gain = self._gain * (1 if self.load > _MATCHED else 2)
-            told = driven(self.shape, self.frequency, gain * self.amplitude, gain * self.offset, self.since_ns)
-            self._point.command(told if self.on else "")
+            its = self.settings
+            gain = self._gain * (1 if its["load"] > _MATCHED else 2)
+            told = driven(self.shape, its["frequency"], gain * its["amplitude"], gain * its["offset"], self.since_ns)
+            self._point.command(told if self.on or self.stuck_on else "")
 
 
-class Generator(SignalInstrument):
-    """The generator."""
+def _setting(header: str, name: str, low: float, high: float) -> tuple[Act, Act]:
+    """Return the headers of a number that is taken, and asked for."""
 
-    _outputs: Kept[dict[int, _Output]]
+    def take(output: GeneratorOutput, given: Sequence[str], now_ns: int) -> None:
+        del now_ns
+        infinite = name == "load" and one(given).upper() in {"INF", "INFINITY"}
+        output.change(name, _INFINITY if infinite else value(one(given), low, high))
 
-    def __init__(self, identity: str, command_ns: int, setup: PeerSetup, outputs: dict[int, _Output]) -> None:
-        super().__init__(identity, command_ns, setup.faults)
-        self._outputs = outputs
-        self._setting("[SOURce<n>:]FREQuency", "frequency", 1e-6, 3e7)
-        self._setting("[SOURce<n>:]VOLTage", "amplitude", 1e-3, 20)
-        self._setting("[SOURce<n>:]VOLTage:OFFSet", "offset", -10, 10)
-        self.know("[SOURce<n>:]FUNCtion", self._choose)
-        self.know("[SOURce<n>:]FUNCtion?", lambda number, given: none(given, self._output(number).shape))
-        self.know("OUTPut<n>:LOAD", self._load)
-        self.know("OUTPut<n>:LOAD?", lambda number, given: none(given, f"{self._output(number).load:+.15E}"))
-        self.know("OUTPut<n>[:STATe]", self._switch)
-        self.know("OUTPut<n>[:STATe]?", lambda number, given: none(given, self._says(number)))
+    def tell(output: GeneratorOutput, given: Sequence[str], now_ns: int) -> str | None:
+        del now_ns
+        return none(given, _NR3(output.settings[name]))
 
-    def attach(self, line: Line, clock: PeerClock) -> None:
-        """Connect the line; both outputs are off."""
-        super().attach(line, clock)
-        for output in self._outputs.values():
-            output.apply()
-
-    def _output(self, number: int) -> _Output:
-        if number not in self._outputs:
-            raise ScpiError(-113)
-        return self._outputs[number]
-
-    def _setting(self, header: str, name: str, low: float, high: float) -> None:
-        def take(number: int, given: Sequence[str]) -> None:
-            self._change(self._output(number), name, value(one(given), low, high))
-
-        self.know(header, take)
-        self.know(f"{header}?", lambda number, given: none(given, f"{getattr(self._output(number), name):+.15E}"))
-
-    def _change(self, output: _Output, name: str, found: float | str) -> None:
-        before = getattr(output, name)
-        setattr(output, name, found)
-        if not output.fits():
-            setattr(output, name, before)
-            raise ScpiError(-221)
-        output.apply()
-
-    def _choose(self, number: int, given: Sequence[str]) -> None:
-        self._change(self._output(number), "shape", choice(one(given), *_SHAPES))
-
-    def _load(self, number: int, given: Sequence[str]) -> None:
-        text = one(given)
-        infinite = text.upper() in {"INF", "INFINITY"}
-        self._change(self._output(number), "load", _INFINITY if infinite else value(text, 1, 1e4))
-
-    def _switch(self, number: int, given: Sequence[str]) -> None:
-        output, on = self._output(number), switch(one(given))
-        if not on and self._faults.now(RefuseOff, self._clock.now_ns(), number):
-            return
-        if on and not output.on:
-            output.since_ns = self._clock.now_ns()
-        output.on = on
-        output.apply()
-
-    def _says(self, number: int) -> str:
-        fault = self._faults.now(RefuseOff, self._clock.now_ns(), number)
-        return str(int(fault.says == "on" if fault else self._output(number).on))
+    return Act(header, take, by="number"), Act(header, tell, asked=True, by="number")
 
 
-def build(setup: PeerSetup) -> Generator:
-    """Build the generator; its terminals are `1` and `2`."""
-    truth = setup.truth.part(GeneratorTruth)
-    outputs = {number: _Output(setup.connections.input(f"{number}"), truth.gain) for number in (1, 2)}
-    setup.finish()
-    identity = f"Agilent Technologies,33522B,SIM-{truth.serial},{truth.firmware}"
-    return Generator(identity, round(truth.command_time * NANOSECONDS), setup, outputs)
+_MANUAL = Manual(
+    identity="Agilent Technologies,33522B,{serial},{firmware}",
+    truth=GeneratorTruth,
+    rows=(
+        *_setting("[SOURce<n>:]FREQuency", "frequency", 1e-6, 3e7),
+        *_setting("[SOURce<n>:]VOLTage", "amplitude", 1e-3, 20),
+        *_setting("[SOURce<n>:]VOLTage:OFFSet", "offset", -10, 10),
+        *_setting("OUTPut<n>:LOAD", "load", 1, 1e4),
+        Word(
+            "[SOURce<n>:]FUNCtion",
+            "shape",
+            words={"SINusoid": "SIN", "SQUare": "SQU", "RAMP": "RAMP", "DC": "DC"},
+            by="number",
+        ),
+        Switch("OUTPut<n>[:STATe]", "on", by="number"),
+    ),
+    error_form='{:+d},"{}"',
+    faults=(Identity, RefuseOff),
+)
 
 
-MODEL = PeerModel(link="serial", fault_kinds=(Identity, RefuseOff), build=build)
+def _outputs(setup: PeerSetup, article: Mapping[str, object]) -> dict[int, Channel]:
+    """Return the outputs; terminals `1` and `2` go to inputs of plants."""
+    gain = float(str(article["gain"]))
+    return {
+        number: GeneratorOutput(number, setup.connections.input(f"{number}"), gain, setup.faults) for number in (1, 2)
+    }
+
+
+MODEL = instrument_of(_MANUAL, _outputs)
 """The model for the driver `keysight-33500`."""

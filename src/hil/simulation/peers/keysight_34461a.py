@@ -17,9 +17,9 @@ from hil.model.notation import AnyText, NotNegative, Number, Positive
 from hil.simulation.faults import Faults, Identity
 from hil.simulation.peers.manner import DeviceTruth
 from hil.simulation.peers.model import PeerSetup
-from hil.simulation.peers.scpi import ScpiError, no_channel, number, word
+from hil.simulation.peers.scpi import ScpiError, number, word
 from hil.simulation.peers.scpi_instrument import instrument_of
-from hil.simulation.peers.scpi_manual import Act, Channel, Manual, Row
+from hil.simulation.peers.scpi_manual import Act, Channel, Manual, Row, alone
 from hil.simulation.peers.supply_output import NOT_A_NUMBER, NotANumber
 from hil.simulation.plants.terminal import SignalPoint
 from hil.simulation.seeds import RandomStream
@@ -212,16 +212,6 @@ def _one(parameters: Sequence[str]) -> str:
     return parameters[0]
 
 
-def _tells(form: Callable[[FrontEnd], str]) -> Callable[[FrontEnd, Sequence[str], int], str]:
-    def told(meter: FrontEnd, parameters: Sequence[str], now_ns: int) -> str:
-        del now_ns
-        if parameters:
-            raise ScpiError(-108)
-        return form(meter)
-
-    return told
-
-
 def _rows(function: str, header: str) -> tuple[Row, ...]:
     """Return the headers of one function."""
 
@@ -232,11 +222,11 @@ def _rows(function: str, header: str) -> tuple[Row, ...]:
     return (
         Act(f"CONFigure:{header}", of(FrontEnd.configure)),
         Act(f"{sense}:NPLCycles", of(FrontEnd.integrate)),
-        Act(f"{sense}:NPLCycles", _tells(lambda meter: _NR3(meter.cycles[function])), asked=True),
+        Act(f"{sense}:NPLCycles", alone(lambda meter: _NR3(meter.cycles[function])), asked=True),
         Act(f"{sense}:RANGe[:UPPer]", of(FrontEnd.set_range)),
-        Act(f"{sense}:RANGe[:UPPer]", _tells(lambda meter: _NR3(meter.ranges[function])), asked=True),
+        Act(f"{sense}:RANGe[:UPPer]", alone(lambda meter: _NR3(meter.ranges[function])), asked=True),
         Act(f"{sense}:RANGe:AUTO", of(FrontEnd.set_automatic)),
-        Act(f"{sense}:RANGe:AUTO", _tells(lambda meter: str(int(meter.automatic[function]))), asked=True),
+        Act(f"{sense}:RANGe:AUTO", alone(lambda meter: str(int(meter.automatic[function]))), asked=True),
     )
 
 
@@ -245,19 +235,14 @@ _MANUAL = Manual(
     truth=TruevoltTruth,
     rows=(
         *(row for function, header in _HEADERS.items() for row in _rows(function, header)),
-        Act("[SENSe:]FUNCtion[:ON]", _tells(lambda meter: f'"{meter.function}"'), asked=True),
+        Act("[SENSe:]FUNCtion[:ON]", alone(lambda meter: f'"{meter.function}"'), asked=True),
         Act("INITiate[:IMMediate]", FrontEnd.begin),
         Act("FETCh", FrontEnd.fetch, asked=True),
         Act("READ", FrontEnd.read, asked=True),
     ),
     answers={"*OPC": "1", "*TST": "+0", "SYSTem:VERSion": "1994.0"},
     ignored=("*OPC", "*WAI", "ABORt", "SYSTem:LOCal", "SYSTem:REMote"),
-    selects={},
-    targets=no_channel,
-    no_channel=-224,
     error_form='{:+d},"{}"',
-    on_off=("0", "1"),
-    watches=False,
     faults=(Identity, NotANumber),
 )
 

@@ -23,9 +23,9 @@ from hil.model.notation import AnyText, NotNegative, Number, Positive, whole
 from hil.simulation.faults import Fault, Identity
 from hil.simulation.peers.manner import DeviceTruth
 from hil.simulation.peers.model import PeerSetup
-from hil.simulation.peers.scpi import ScpiError, channel_list, choice, no_channel, none, one, switch, value
+from hil.simulation.peers.scpi import ScpiError, channel_list, choice, one, switch, value
 from hil.simulation.peers.scpi_instrument import instrument_of
-from hil.simulation.peers.scpi_manual import Act, Channel, Manual, Row
+from hil.simulation.peers.scpi_manual import Act, Channel, Manual, Row, alone
 from hil.simulation.peers.timing import Alarm
 from hil.simulation.plants.terminal import SignalPoint
 from hil.simulation.seeds import RandomStream
@@ -281,17 +281,6 @@ def _sets(act: Callable[[ScanUnit, str], object]) -> Callable[[ScanUnit, Sequenc
     return do
 
 
-def _tells(tell: Callable[[ScanUnit], str | None]) -> Callable[[ScanUnit, Sequence[str], int], str | None]:
-    """Return what takes no parameter."""
-
-    def do(unit: ScanUnit, given: Sequence[str], now_ns: int) -> str | None:
-        del now_ns
-        none(given)
-        return tell(unit)
-
-    return do
-
-
 def _volts(unit: ScanUnit, given: list[str], places: list[int]) -> None:
     text = given[0].upper() if given else "AUTO"
     end = 0.0 if text in {"AUTO", "DEF"} else value(text, _ENDS[0], _ENDS[-1])
@@ -350,29 +339,24 @@ _MANUAL = Manual(
         Act("UNIT:TEMPerature", _listed(_of_inputs("unit", "TEMP", lambda text: choice(text, "C")))),
         Act("ROUTe:CHANnel:DELay", _listed(_of_inputs("delay_s", "VOLT TEMP", lambda text: value(text, 0, 60)))),
         Act("ROUTe:SCAN", _listed(lambda unit, _, places: unit.scan(places))),
-        Act("ROUTe:SCAN", _tells(lambda unit: unit.listed()), asked=True),
+        Act("ROUTe:SCAN", alone(lambda unit: unit.listed()), asked=True),
         *(_field(header) for header in ("TIME", "CHANnel", "UNIT", "ALARm")),
         Act("FORMat:READing:TIME:TYPE", _sets(lambda _, text: choice(text, "RELative"))),
         Act("TRIGger:SOURce", _set("source", lambda text: choice(text, "IMMediate", "TIMer"))),
-        Act("TRIGger:SOURce", _tells(lambda unit: unit.source), asked=True),
+        Act("TRIGger:SOURce", alone(lambda unit: unit.source), asked=True),
         Act("TRIGger:TIMer", _set("timer_s", lambda text: round(value(text, 0, 359_999), 3))),
-        Act("TRIGger:TIMer", _tells(lambda unit: _NR3(unit.timer_s)), asked=True),
+        Act("TRIGger:TIMer", alone(lambda unit: _NR3(unit.timer_s)), asked=True),
         Act("TRIGger:COUNt", _set("count", _times)),
-        Act("INITiate[:IMMediate]", _tells(lambda unit: unit.begin())),
-        Act("ABORt", _tells(lambda unit: unit.abort())),
-        Act("FETCh", _tells(lambda unit: unit.told(unit.memory)), asked=True),
-        Act("DATA:POINts", _tells(lambda unit: f"+{len(unit.memory)}"), asked=True),
+        Act("INITiate[:IMMediate]", alone(lambda unit: unit.begin())),
+        Act("ABORt", alone(lambda unit: unit.abort())),
+        Act("FETCh", alone(lambda unit: unit.told(unit.memory)), asked=True),
+        Act("DATA:POINts", alone(lambda unit: f"+{len(unit.memory)}"), asked=True),
         Act("DATA:REMove", lambda unit, given, _: unit.take(int(value(one(given), 1, _MEMORY))), asked=True),
         Act(_BYTES, _listed(lambda unit, _, places: ",".join(f"{unit.byte(each):+d}" for each in places)), asked=True),
     ),
     answers={"*OPC": "1", "*TST": "+0", "SYSTem:VERSion": "1994.0"},
     ignored=("*OPC", "*WAI", "SYSTem:LOCal", "SYSTem:REMote"),
-    selects={},
-    targets=no_channel,
-    no_channel=-224,
     error_form='{:+d},"{}"',
-    on_off=("0", "1"),
-    watches=False,
     faults=(Identity, OpenInput),
 )
 

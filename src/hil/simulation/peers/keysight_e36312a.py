@@ -103,8 +103,6 @@ KEYSIGHT = SupplyManual(
     targets=_targets,
     no_channel=-222,
     error_form='{:+d},"{}"',
-    on_off=("0", "1"),
-    watches=False,
     faults=(Identity, NotANumber, RefuseOff),
 )
 """The manual of the E36300 series."""

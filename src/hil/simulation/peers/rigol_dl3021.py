@@ -15,7 +15,6 @@ from hil.model.notation import AnyText, NotNegative, Number
 from hil.simulation.faults import Fault, Faults, Identity
 from hil.simulation.peers.manner import DeviceTruth
 from hil.simulation.peers.model import PeerSetup
-from hil.simulation.peers.scpi import no_channel
 from hil.simulation.peers.scpi_instrument import instrument_of
 from hil.simulation.peers.scpi_manual import Channel, Manual, Reading, Row, Setting, Switch, Word
 from hil.simulation.peers.supply_output import NOT_A_NUMBER, NotANumber, RefuseOff
@@ -192,13 +191,7 @@ _MANUAL = Manual(
         Switch("[SOURce:]INPut[:STATe]", "on"),
     ),
     answers={"*OPC": "1"},
-    ignored=(),
-    selects={},
-    targets=no_channel,
-    no_channel=-224,
     error_form='{:d},"{}"',
-    on_off=("0", "1"),
-    watches=False,
     faults=_FAULTS,
 )
 

@@ -112,7 +112,6 @@ MODEL = model_of(
         ignored=("SYSTem:REMote", "SYSTem:LOCal"),
         selects={"INSTrument[:SELect]": "", "INSTrument:NSELect": "{}"},
         targets=leading_channel,
-        no_channel=-224,
         error_form='{:d},"{}"',
         on_off=("OFF", "ON"),
         watches=True,

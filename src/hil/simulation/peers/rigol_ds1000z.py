@@ -12,27 +12,32 @@ A terminal `1` to `4` goes to a signal of a plant. What happens between two grid
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hil.clock.port import NANOSECONDS
 from hil.model.notation import AnyText, NotNegative, Number, Positive
-from hil.simulation.faults import Fault, Identity
-from hil.simulation.peers.model import PeerModel, PeerSetup
-from hil.simulation.peers.scpi import ScpiError, choice, none, one, switch, value
-from hil.simulation.peers.signal_instrument import SignalInstrument
+from hil.simulation.faults import Fault, Faults, Identity
+from hil.simulation.peers.manner import DeviceTruth
+from hil.simulation.peers.model import PeerSetup
+from hil.simulation.peers.scpi import ScpiError, one, value
+from hil.simulation.peers.scpi_instrument import instrument_of
+from hil.simulation.peers.scpi_manual import Act, Channel, Manual, Reading, Setting, Switch, Word, alone
 from hil.simulation.peers.timing import Alarm
 from hil.simulation.plants.terminal import SignalPoint
 from hil.simulation.seeds import RandomStream
-from hil.wire.checkpoint import Kept, Stateful
-from hil.wire.peer import Line, PeerClock
+from hil.wire.checkpoint import Kept
+from hil.wire.peer import PeerClock
 
 __all__ = ["MODEL", "Deaf", "InputTruth", "Scope", "ScopeTruth"]
 
 _ACROSS, _COUNTS, _MIDDLE, _HIGHEST = 12, 25, 127, 255
+_NUMBERS = (1, 2, 3, 4)
+_PROBES = (0.01, 1000.0)
 _MOST_PER_READ = 250_000
 _DEPTHS = (12_000, 120_000, 1_200_000)
 _FASTEST = 1e9
@@ -40,7 +45,6 @@ _SLOWEST_TRIGGERED = 0.1
 _SCAN_NS = 5_000_000
 _STALE_NS = 20_000_000
 _HALVINGS = 40
-_UNITS = ("VOLTage", "WATT", "AMPere", "UNKNown")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,8 +55,8 @@ class Deaf(Fault):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ScopeTruth:
-    """One device: what it says of itself, and how long a line takes [s]."""
+class ScopeTruth(DeviceTruth):
+    """One device."""
 
     serial: AnyText = "DS1ZA000000001"
     firmware: AnyText = "00.04.04.SP4"
@@ -69,7 +73,7 @@ class InputTruth:
     noise: NotNegative = 0.02
 
 
-class _Input(Stateful):
+class _Input(Channel):
     """One input: its settings, and what was captured."""
 
     shown: Kept[bool]
@@ -82,8 +86,24 @@ class _Input(Stateful):
 
     def __init__(self, point: SignalPoint | None, truth: InputTruth, noise: RandomStream) -> None:
         self.point, self.truth, self._noise = point, truth, noise
+        self.reset(0)
+
+    def reset(self, now_ns: int) -> None:
+        """Return to the settings of power-on."""
+        del now_ns
         self.shown, self.unit, self.probe, self.coupling = False, "VOLT", 10.0, "DC"
         self.scale, self.offset, self.memory = 10.0, 0.0, b""
+
+    @property
+    def rating(self) -> _Input:
+        """The bounds of its settings."""
+        return self
+
+    def take(self, name: str, least: float, found: float) -> None:
+        """Take a setting that is at least so much for each unit of its probe's factor."""
+        if found < least * self.probe:
+            raise ScpiError(-222)
+        setattr(self, name, found)
 
     @property
     def step(self) -> float:
@@ -110,130 +130,69 @@ class _Input(Stateful):
         return np.clip(counts, 0, _HIGHEST).astype(np.uint8).tobytes()
 
 
-class Scope(SignalInstrument):
-    """The oscilloscope.
+class Scope(Channel):
+    """What is common to its inputs: time base, trigger, memory, and which part of that is read.
 
     Args:
-        identity: what `*IDN?` answers.
-        command_ns: how long a line takes.
-        setup: for its faults.
+        faults: of the instrument.
         inputs: by number.
     """
 
-    error_form = '{:d},"{}"'
+    form, kind, base, edge = "BYTE", "NORM", "MAIN", "EDGE"  # it knows no others here
 
-    _inputs: Kept[dict[int, _Input]]
-    _words: Kept[dict[str, str]]
-    _numbers: Kept[dict[str, float]]
+    doing: Kept[str]
+    source: Kept[str]
+    slope: Kept[str]
+    of: Kept[str]
+    mode: Kept[str]
+    scale: Kept[float]
+    position: Kept[float]
+    depth: Kept[float]
+    level: Kept[float]
+    first: Kept[float]
+    last: Kept[float]
+    origin: Kept[float]
     _armed_ns: Kept[int]
     _scanned_ns: Kept[int]
     _trigger_ns: Kept[int | None]
-    _begins_ns: Kept[int]
     _interval: Kept[float]
     _scan: Kept[Alarm]
     _finish: Kept[Alarm]
 
-    def __init__(self, identity: str, command_ns: int, setup: PeerSetup, inputs: dict[int, _Input]) -> None:
-        super().__init__(identity, command_ns, setup.faults)
-        self._inputs = inputs
-        self._words = {"state": "RUN", "source": "1", "slope": "POS", "of": "1", "mode": "NORM", "form": "BYTE"}
-        self._numbers = {"scale": 1e-6, "position": 0.0, "depth": 0.0, "level": 0.0, "first": 1.0, "last": 1200.0}
-        self._armed_ns = self._scanned_ns = self._begins_ns = 0
+    def __init__(self, faults: Faults, inputs: Mapping[int, _Input]) -> None:
+        self._faults, self._inputs = faults, inputs
+        self._set_up()
+
+    def attach(self, clock: PeerClock) -> None:
+        """Learn the clock."""
+        self._clock, self._scan, self._finish = clock, Alarm(clock, self._look), Alarm(clock, self._capture)
+
+    def reset(self, now_ns: int) -> None:
+        """Return to the settings of power-on."""
+        del now_ns
+        self._halt()
+        self._set_up()
+
+    def _set_up(self) -> None:
+        self.doing, self.source, self.slope, self.of, self.mode = "RUN", "1", "POS", "1", "NORM"
+        self.scale, self.position, self.depth, self.level, self.origin = 1e-6, 0.0, 0.0, 0.0, 0.0
+        self.first, self.last = 1.0, 1200.0
+        self._armed_ns = self._scanned_ns = 0
         self._trigger_ns = None
         self._interval = 0.0
-        self._channels()
-        self._time_base()
-        self._triggers()
-        self._waveforms()
 
-    def attach(self, line: Line, clock: PeerClock) -> None:
-        """Connect the line."""
-        super().attach(line, clock)
-        self._scan, self._finish = Alarm(clock, self._look), Alarm(clock, self._capture)
-
-    def _channels(self) -> None:
-        self._of_input("UNITs", "unit", lambda text, _: choice(text, *_UNITS), str)
-        self._of_input("COUPling", "coupling", lambda text, _: choice(text, "AC", "DC", "GND"), str)
-        self._of_input("DISPlay", "shown", lambda text, _: switch(text), lambda on: str(int(on)))
-        self._of_input("PROBe", "probe", lambda text, _: value(text, 0.01, 1000), "{:.2e}".format)
-        self._of_input(
-            "SCALe", "scale", lambda text, its: value(text, 1e-3 * its.probe, 10 * its.probe), "{:.6e}".format
-        )
-        self._of_input(
-            "OFFSet", "offset", lambda text, its: value(text, -100 * its.probe, 100 * its.probe), "{:.6e}".format
-        )
-
-    def _of_input(
-        self, header: str, name: str, read: Callable[[str, _Input], object], form: Callable[..., str]
-    ) -> None:
-        def take(number: int, given: Sequence[str]) -> None:
-            found = self._input(number)
-            setattr(found, name, read(one(given), found))
-
-        self.know(f"CHANnel<n>:{header}", take)
-        self.know(f"CHANnel<n>:{header}?", lambda number, given: none(given, form(getattr(self._input(number), name))))
-
-    def _time_base(self) -> None:
-        self.know("RUN", self.does(self._run))
-        self.know("STOP", self.does(self._stop))
-        self.know("SINGle", self.does(self._arm))
-        self.know("TIMebase:MODE", lambda _, given: none([choice(one(given), "MAIN")][1:]))
-        self.know("TIMebase:MODE?", lambda _, given: none(given, "MAIN"))
-        self._number("TIMebase[:MAIN]:SCALe", "scale", 5e-9, 50, "{:.7e}".format)
-        self._number("TIMebase[:MAIN]:OFFSet", "position", -1e3, 1e3, "{:.7e}".format)
-        self.know("ACQuire:TYPE", lambda _, given: none([choice(one(given), "NORMal")][1:]))
-        self.know("ACQuire:TYPE?", lambda _, given: none(given, "NORM"))
-        self.know("ACQuire:MDEPth", lambda _, given: self._set_depth(one(given)))
-        self.know(
-            "ACQuire:MDEPth?",
-            lambda _, given: none(given, f"{self._numbers['depth']:.0f}" if self._numbers["depth"] else "AUTO"),
-        )
-        self.know("ACQuire:SRATe?", lambda _, given: none(given, f"{1 / self._sampling()[0]:.6e}"))
-
-    def _triggers(self) -> None:
-        self.know("TRIGger:MODE", lambda _, given: none([choice(one(given), "EDGE")][1:]))
-        self.know("TRIGger:MODE?", lambda _, given: none(given, "EDGE"))
-        self._source("TRIGger:EDGe:SOURce", "source")
-        self.know(
-            "TRIGger:EDGe:SLOPe", lambda _, given: self._words.update(slope=choice(one(given), "POSitive", "NEGative"))
-        )
-        self.know("TRIGger:EDGe:SLOPe?", lambda _, given: none(given, self._words["slope"]))
-        self._number("TRIGger:EDGe:LEVel", "level", -1e4, 1e4, "{:.6e}".format)
-        self.know("TRIGger:STATus?", lambda _, given: none(given, self._state()))
-
-    def _waveforms(self) -> None:
-        self._source("WAVeform:SOURce", "of")
-        self.know(
-            "WAVeform:MODE", lambda _, given: self._words.update(mode=choice(one(given), "NORMal", "MAXimum", "RAW"))
-        )
-        self.know("WAVeform:FORMat", lambda _, given: self._words.update(form=choice(one(given), "BYTE")))
-        self._number("WAVeform:STARt", "first", 1, 1.2e7, "{:.0f}".format)
-        self._number("WAVeform:STOP", "last", 1, 1.2e7, "{:.0f}".format)
-        self.know("WAVeform:PREamble?", lambda _, given: none(given, self._preamble()))
-        self.know("WAVeform:DATA?", lambda _, given: self._data() if not given else one([]))
-
-    def _number(self, header: str, name: str, low: float, high: float, form: Callable[[float], str]) -> None:
-        self.know(header, lambda _, given: self._numbers.update({name: value(one(given), low, high)}))
-        self.know(f"{header}?", lambda _, given: none(given, form(self._numbers[name])))
-
-    def _source(self, header: str, name: str) -> None:
-        words = tuple(f"CHANnel{number}" for number in self._inputs)
-        self.know(header, lambda _, given: self._words.update({name: choice(one(given), *words)[-1]}))
-        self.know(f"{header}?", lambda _, given: none(given, f"CHAN{self._words[name]}"))
-
-    def _input(self, number: int) -> _Input:
-        if number not in self._inputs:
-            raise ScpiError(-113)
-        return self._inputs[number]
-
-    def _set_depth(self, text: str) -> None:
-        if self._words["state"] == "STOP":
+    def set_depth(self, text: str) -> None:
+        """Choose the memory of each input."""
+        if self.doing == "STOP":
             raise ScpiError(-221)
-        shared = self._shared()
         depth = 0.0 if text.upper() == "AUTO" else value(text, 1, _DEPTHS[-1])
-        if depth and depth * shared not in _DEPTHS:
+        if depth and depth * self._shared() not in _DEPTHS:
             raise ScpiError(-222)
-        self._numbers["depth"] = depth
+        self.depth = depth
+
+    def rate(self) -> float:
+        """Return the sample rate [Hz]."""
+        return 1 / self._sampling()[0]
 
     def _shared(self) -> int:
         shown = sum(each.shown for each in self._inputs.values())
@@ -241,37 +200,41 @@ class Scope(SignalInstrument):
 
     def _sampling(self) -> tuple[float, int]:
         """Return the sample interval [s] and the points of the memory: all of the screen, as fast as it can."""
-        span, shared = _ACROSS * self._numbers["scale"], self._shared()
-        depth = self._numbers["depth"] or _DEPTHS[0] / shared
+        span, shared = _ACROSS * self.scale, self._shared()
+        depth = self.depth or _DEPTHS[0] / shared
         interval = max(span / depth, shared / _FASTEST)
         return interval, int(depth)
 
-    def _run(self) -> None:
+    def run(self) -> None:
+        """Sample on and on."""
         self._halt()
-        self._words["state"] = "RUN"
+        self.doing = "RUN"
 
-    def _stop(self) -> None:
+    def stop(self) -> None:
+        """Stop sampling."""
         self._halt()
-        self._words["state"] = "STOP"
+        self.doing = "STOP"
 
     def _halt(self) -> None:
         self._scan.clear()
         self._finish.clear()
         self._trigger_ns = None
 
-    def _arm(self) -> None:
+    def arm(self) -> None:
+        """Wait for one trigger."""
         self._halt()
         now_ns = self._clock.now_ns()
-        self._words["state"] = "SING"
+        self.doing = "SING"
         self._interval, points = self._sampling()
-        before = points * self._interval / 2 - self._numbers["position"]
+        before = points * self._interval / 2 - self.position
         self._armed_ns = now_ns
         self._scanned_ns = now_ns + max(_STALE_NS, round(max(0.0, before) * NANOSECONDS))
-        if self._numbers["scale"] <= _SLOWEST_TRIGGERED:
+        if self.scale <= _SLOWEST_TRIGGERED:
             self._scan.set(self._scanned_ns + _SCAN_NS)
 
-    def _state(self) -> str:
-        now_ns, state = self._clock.now_ns(), self._words["state"]
+    def status(self) -> str:
+        """Return what it does, by its word."""
+        now_ns, state = self._clock.now_ns(), self.doing
         if state != "SING":
             return "AUTO" if state == "RUN" else state
         if now_ns < self._armed_ns + _STALE_NS:
@@ -289,16 +252,16 @@ class Scope(SignalInstrument):
             self._scan.set(now_ns + _SCAN_NS)
             return
         self._trigger_ns = found
-        after = _ACROSS * self._numbers["scale"] / 2 + self._numbers["position"]
+        after = _ACROSS * self.scale / 2 + self.position
         self._finish.set(max(now_ns, found + round(max(0.0, after) * NANOSECONDS) + 1))
 
     def _crossing(self, first_ns: int, last_ns: int) -> int | None:
         """Return the first instant after a crossing of the level, None if there is none."""
-        its = self._inputs[int(self._words["source"])]
+        its = self._inputs[int(self.source)]
         if its.point is None:
             return None
-        sign = 1.0 if self._words["slope"] == "POS" else -1.0
-        level = self._numbers["level"]
+        sign = 1.0 if self.slope == "POS" else -1.0
+        level = self.level
 
         def above(times_ns: Sequence[int] | NDArray[np.int64]) -> NDArray[np.bool_]:
             return np.asarray(sign * (its.seen(np.asarray(times_ns, dtype=np.int64)) - level) >= 0)
@@ -320,30 +283,31 @@ class Scope(SignalInstrument):
         """Fill the memory with what the signals were around the trigger."""
         trigger_ns = self._trigger_ns or 0
         _, points = self._sampling()
-        start = trigger_ns + (self._numbers["position"] - points * self._interval / 2) * NANOSECONDS
+        start = trigger_ns + (self.position - points * self._interval / 2) * NANOSECONDS
         times = np.rint(start + np.arange(points) * self._interval * NANOSECONDS).astype(np.int64)
-        self._begins_ns = round(start)
         for its in self._inputs.values():
             its.memory = its.convert(np.maximum(times, 0), trigger_ns) if its.shown else b""
-        self._numbers["origin"] = (start - trigger_ns) / NANOSECONDS
-        self._words["state"], self._trigger_ns = "STOP", None
+        self.origin = (start - trigger_ns) / NANOSECONDS
+        self.doing, self._trigger_ns = "STOP", None
 
-    def _preamble(self) -> str:
-        its = self._input(int(self._words["of"]))
-        if self._words["mode"] == "RAW":
+    def preamble(self) -> str:
+        """Return what turns bytes into seconds and volts."""
+        its = self._inputs[int(self.of)]
+        if self.mode == "RAW":
             kind, points, interval = 2, len(its.memory), self._interval
         else:
-            kind, points, interval = 0, 100 * _ACROSS, self._numbers["scale"] / 100
-        origin = self._numbers.get("origin", 0.0)
+            kind, points, interval = 0, 100 * _ACROSS, self.scale / 100
+        origin = self.origin
         return f"0,{kind},{points},1,{interval:.6e},{origin:.6e},0,{its.step:.6e},{its.origin},{_MIDDLE}"
 
-    def _data(self) -> bytes:
-        its = self._input(int(self._words["of"]))
-        if self._words["mode"] == "RAW" and self._words["state"] != "STOP":
+    def data(self) -> bytes:
+        """Return points of the memory as a block."""
+        its = self._inputs[int(self.of)]
+        if self.mode == "RAW" and self.doing != "STOP":
             raise ScpiError(-221)
-        first, last = int(self._numbers["first"]), int(self._numbers["last"])
+        first, last = int(self.first), int(self.last)
         memory = its.memory
-        if self._words["mode"] != "RAW" and memory:
+        if self.mode != "RAW" and memory:
             places = np.linspace(0, len(memory) - 1, 100 * _ACROSS).astype(int)
             memory = np.frombuffer(memory, np.uint8)[places].tobytes()
         if not 1 <= first <= last <= len(memory) or last - first >= _MOST_PER_READ:
@@ -352,11 +316,70 @@ class Scope(SignalInstrument):
         return b"#9%09d" % len(data) + data
 
 
-def build(setup: PeerSetup) -> Scope:
-    """Build the oscilloscope; its terminals are `1` to `4`."""
-    truth = setup.truth.part(ScopeTruth)
+def _of_input(header: str, name: str, low: float, high: float) -> Setting:
+    """Return a number of an input, whose bounds grow with its probe's factor."""
+    return Setting(
+        header,
+        name,
+        _E6,
+        lambda its: high * its.probe,
+        write=lambda its, found: its.take(name, low, found),
+        least=low * _PROBES[low < 0],
+        by="number",
+    )
+
+
+_number = partial(Setting, by="instrument")
+_word = partial(Word, by="instrument")
+_act = partial(Act, by="instrument")
+_ask = partial(Act, by="instrument", asked=True)
+_E6, _E7, _WHOLE = "{:.6e}".format, "{:.7e}".format, "{:.0f}".format
+_SHORT = {"VOLTage": "VOLT", "WATT": "WATT", "AMPere": "AMP", "UNKNown": "UNKN"}
+_SOURCES = {f"CHANnel{number}": f"{number}" for number in _NUMBERS}
+_TOLD = {f"{number}": f"CHAN{number}" for number in _NUMBERS}
+_MANUAL = Manual(
+    identity="RIGOL TECHNOLOGIES,DS1054Z,{serial},{firmware}",
+    truth=ScopeTruth,
+    rows=(
+        Word("CHANnel<n>:UNITs", "unit", _SHORT, by="number"),
+        Word("CHANnel<n>:COUPling", "coupling", {"AC": "AC", "DC": "DC", "GND": "GND"}, by="number"),
+        Switch("CHANnel<n>:DISPlay", "shown", by="number"),
+        Setting("CHANnel<n>:PROBe", "probe", "{:.2e}".format, lambda _: _PROBES[1], least=_PROBES[0], by="number"),
+        _of_input("CHANnel<n>:SCALe", "scale", 1e-3, 10),
+        _of_input("CHANnel<n>:OFFSet", "offset", -100, 100),
+        _act("RUN", alone(Scope.run)),
+        _act("STOP", alone(Scope.stop)),
+        _act("SINGle", alone(Scope.arm)),
+        _word("TIMebase:MODE", "base", {"MAIN": "MAIN"}),
+        _number("TIMebase[:MAIN]:SCALe", "scale", _E7, lambda _: 50, least=5e-9),
+        _number("TIMebase[:MAIN]:OFFSet", "position", _E7, lambda _: 1e3, least=-1e3),
+        _word("ACQuire:TYPE", "kind", {"NORMal": "NORM"}),
+        _act("ACQuire:MDEPth", lambda scope, given, _: scope.set_depth(one(given))),
+        _ask("ACQuire:MDEPth", alone(lambda scope: f"{scope.depth:.0f}" if scope.depth else "AUTO")),
+        Reading("ACQuire:SRATe", lambda scope, _: scope.rate(), _E6, by="instrument"),
+        _word("TRIGger:MODE", "edge", {"EDGE": "EDGE"}),
+        _word("TRIGger:EDGe:SOURce", "source", _SOURCES, _TOLD),
+        _word("TRIGger:EDGe:SLOPe", "slope", {"POSitive": "POS", "NEGative": "NEG"}),
+        _number("TRIGger:EDGe:LEVel", "level", _E6, lambda _: 1e4, least=-1e4),
+        _ask("TRIGger:STATus", alone(Scope.status)),
+        _word("WAVeform:SOURce", "of", _SOURCES, _TOLD),
+        _word("WAVeform:MODE", "mode", {"NORMal": "NORM", "MAXimum": "MAX", "RAW": "RAW"}),
+        _word("WAVeform:FORMat", "form", {"BYTE": "BYTE"}),
+        _number("WAVeform:STARt", "first", _WHOLE, lambda _: 1.2e7, least=1),
+        _number("WAVeform:STOP", "last", _WHOLE, lambda _: 1.2e7, least=1),
+        _ask("WAVeform:PREamble", alone(Scope.preamble)),
+        _ask("WAVeform:DATA", alone(Scope.data)),
+    ),
+    error_form='{:d},"{}"',
+    faults=(Identity, Deaf),
+)
+
+
+def _channels(setup: PeerSetup, article: Mapping[str, object]) -> dict[int, Channel]:
+    """Return the instrument as 0, and its inputs; terminals `1` to `4` go to signals."""
+    del article
     sections = setup.truth.sections("channels")
-    for number in sections.keys() - {"1", "2", "3", "4"}:
+    for number in sections.keys() - {str(each) for each in _NUMBERS}:
         setup.truth.wrong("channels", f"unknown channel '{number}'; known are 1, 2, 3, 4")
     truths: Mapping[str, InputTruth] = {number: section.part(InputTruth) for number, section in sections.items()}
     inputs = {
@@ -365,12 +388,10 @@ def build(setup: PeerSetup) -> Scope:
             truths.get(f"{number}", InputTruth()),
             setup.stream(f"noise {number}"),
         )
-        for number in (1, 2, 3, 4)
+        for number in _NUMBERS
     }
-    setup.finish()
-    identity = f"RIGOL TECHNOLOGIES,DS1054Z,SIM-{truth.serial},{truth.firmware}"
-    return Scope(identity, round(truth.command_time * NANOSECONDS), setup, inputs)
+    return {0: Scope(setup.faults, inputs), **inputs}
 
 
-MODEL = PeerModel(link="serial", fault_kinds=(Identity, Deaf), build=build)
+MODEL = instrument_of(_MANUAL, _channels)
 """The model for the driver `rigol-ds1000z`."""

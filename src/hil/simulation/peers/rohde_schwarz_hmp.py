@@ -16,7 +16,7 @@ from typing import Annotated
 from hil.model.notation import AnyText, NotNegative, one_of
 from hil.simulation.faults import Identity
 from hil.simulation.peers.manner import DeviceTruth
-from hil.simulation.peers.scpi import ScpiError, no_channel
+from hil.simulation.peers.scpi import ScpiError
 from hil.simulation.peers.scpi_manual import Clear, Reading, Setting, Switch
 from hil.simulation.peers.scpi_supply import SupplyManual, model_of
 from hil.simulation.peers.supply_output import OutputTruth, Rating, RefuseOff, SupplyOutput
@@ -118,11 +118,7 @@ _MANUAL = SupplyManual(
     answers={"*OPC": "1"},
     ignored=("SYSTem:REMote", "SYSTem:LOCal", "SYSTem:MIX"),
     selects={"INSTrument[:SELect]": "OUTP{}", "INSTrument:NSELect": "{}"},
-    targets=no_channel,
-    no_channel=-224,
     error_form='{:d},"{}"',
-    on_off=("0", "1"),
-    watches=False,
     faults=(Identity, RefuseOff),
     output=_Output,
     of_model=_HMP,

@@ -13,7 +13,7 @@ from typing import cast
 
 from hil.simulation.faults import Faults, Identity
 from hil.simulation.peers.manner import Manner
-from hil.simulation.peers.scpi import ErrorQueue, ScpiError, keyword, number, units, word
+from hil.simulation.peers.scpi import ErrorQueue, ScpiError, keyword, number, one, switch, units, word
 from hil.simulation.peers.scpi_manual import (
     Act,
     By,
@@ -32,9 +32,8 @@ from hil.wire.checkpoint import Kept, Stateful
 __all__ = ["Commands"]
 
 _MOST_PARSED = 256
-_ON_OFF = {"ON": True, "1": True, "OFF": False, "0": False}
 
-_Action = Callable[[int, Sequence[str]], str | None]
+_Action = Callable[[int, Sequence[str]], str | bytes | None]
 
 
 class Commands(Stateful):
@@ -69,18 +68,18 @@ class Commands(Stateful):
         for row in manual.rows:
             self._add(row)
 
-    def execute(self, message: str, now_ns: int) -> str:
+    def execute(self, message: str, now_ns: int) -> bytes:
         """Return the answer, empty for none."""
-        replies: list[str] = []
+        replies: list[bytes] = []
         self._now_ns = now_ns
         try:
             for action, suffix, parameters in self._units(message):
                 reply = action(suffix, parameters)
                 if reply is not None:
-                    replies.append(reply)
+                    replies.append(reply if isinstance(reply, bytes) else reply.encode("latin-1", "replace"))
         except ScpiError as error:
             self.errors.push(error.code)
-        return ";".join(replies)
+        return b";".join(replies)
 
     def _units(self, message: str) -> Sequence[tuple[_Action, int, Sequence[str]]]:
         """Return what a message asks for; a header that is not known raises when its turn comes."""
@@ -122,7 +121,7 @@ class Commands(Stateful):
             self._know(row.header, False, self._sets(row))
         elif isinstance(row, Switch):
             off, on = self._manual.on_off
-            read = Reading(row.header, lambda channel, _: on if getattr(channel, row.name) else off)
+            read = Reading(row.header, lambda its, _: on if getattr(its, row.name) else off, by=row.by)
             if row.asked:
                 self._know(row.header, True, self._reads(read))
             self._know(row.header, False, self._switches(row))
@@ -131,11 +130,9 @@ class Commands(Stateful):
         elif isinstance(row, Numbers):
             self._know(row.header, False, self._sets_several(row))
         elif isinstance(row, Word):
-            self._know(
-                row.header,
-                True,
-                self._reads(Reading(row.header, lambda channel, _: row.told[getattr(channel, row.name)])),
-            )
+            told = row.told
+            read = Reading(row.header, lambda its, _: getattr(its, row.name), lambda its: told.get(its, its), row.by)
+            self._know(row.header, True, self._reads(read))
             self._know(row.header, False, self._chooses(row))
         elif isinstance(row, Act):
             self._know(row.header, row.asked, self._acts(row))
@@ -174,7 +171,7 @@ class Commands(Stateful):
 
         def action(suffix: int, parameters: Sequence[str]) -> None:
             values, channels = self._targets(row.by, suffix, parameters)
-            text = _single(values)
+            text = one(values)
             numbers = [_number_for(row, channel, text) for channel in channels]
             for channel, value in zip(channels, numbers, strict=True):
                 _write(row, channel, value)
@@ -186,19 +183,17 @@ class Commands(Stateful):
             values, (channel, *_) = self._targets("parameter", suffix, parameters)
             if len(values) != len(row.settings):
                 raise ScpiError(-108 if len(values) > len(row.settings) else -109)
-            numbers = [_number_for(one, channel, text) for one, text in zip(row.settings, values, strict=True)]
-            for one, value in zip(row.settings, numbers, strict=True):
-                _write(one, channel, value)
+            numbers = [_number_for(its, channel, text) for its, text in zip(row.settings, values, strict=True)]
+            for its, value in zip(row.settings, numbers, strict=True):
+                _write(its, channel, value)
 
         return action
 
     def _switches(self, row: Switch) -> _Action:
         def action(suffix: int, parameters: Sequence[str]) -> None:
-            by: By = "selected" if row.all else "parameter"
+            by: By = "selected" if row.all else row.by
             values, channels = self._targets(by, suffix, parameters)
-            on = _ON_OFF.get(_single(values).upper())
-            if on is None:
-                raise ScpiError(-224)
+            on = switch(one(values))
             for channel in self._channels.values() if row.all else channels:
                 if row.name != "on":
                     setattr(channel, row.name, on)
@@ -214,8 +209,8 @@ class Commands(Stateful):
         words = [(keyword(text), meant) for text, meant in row.words.items()]
 
         def action(suffix: int, parameters: Sequence[str]) -> None:
-            values, channels = self._targets("parameter", suffix, parameters)
-            text = _single(values).upper()
+            values, channels = self._targets(row.by, suffix, parameters)
+            text = one(values).upper()
             meant = next((meant for pattern, meant in words if pattern.fullmatch(text)), None)
             if meant is None:
                 raise ScpiError(-224)
@@ -225,8 +220,8 @@ class Commands(Stateful):
         return action
 
     def _acts(self, row: Act) -> _Action:
-        def action(suffix: int, parameters: Sequence[str]) -> str | None:
-            values, (channel, *_) = self._targets("parameter", suffix, parameters)
+        def action(suffix: int, parameters: Sequence[str]) -> str | bytes | None:
+            values, (channel, *_) = self._targets(row.by, suffix, parameters)
             return row.do(channel, values, self._now_ns)
 
         return action
@@ -245,7 +240,9 @@ class Commands(Stateful):
     def _targets(self, by: By, suffix: int, parameters: Sequence[str]) -> tuple[list[str], list[Channel]]:
         """Split parameters into values and the channels that are meant."""
         values, chosen = self._split_off(tuple(parameters)) if by == "parameter" else (list(parameters), None)
-        if by == "number":
+        if by == "instrument":
+            chosen = [0]
+        elif by == "number":
             if suffix not in self._channels:
                 raise ScpiError(-113)
             chosen = [suffix]
@@ -264,7 +261,7 @@ class Commands(Stateful):
         return found
 
     def _select(self, _: int, parameters: Sequence[str]) -> None:
-        match = re.fullmatch(r"(?:CH|OUT(?:P(?:UT)?)?)?(\d)", _single(parameters).upper())
+        match = re.fullmatch(r"(?:CH|OUT(?:P(?:UT)?)?)?(\d)", one(parameters).upper())
         if match is None or int(match[1]) not in self._channels:
             raise ScpiError(-224)
         self._selected = int(match[1])
@@ -296,7 +293,11 @@ def _unknown(_: int, parameters: Sequence[str]) -> None:
 
 
 def _spelled(action: _Action, told: Callable[[str], str]) -> _Action:
-    return lambda suffix, parameters: told(action(suffix, parameters) or "")
+    def spelled(suffix: int, parameters: Sequence[str]) -> str | bytes | None:
+        reply = action(suffix, parameters)
+        return told(reply) if isinstance(reply, str) else reply
+
+    return spelled
 
 
 def _alone(act: Callable[[], str | None]) -> _Action:
@@ -306,13 +307,6 @@ def _alone(act: Callable[[], str | None]) -> _Action:
         return act()
 
     return action
-
-
-def _single(values: Sequence[str]) -> str:
-    """Return the one value of a setting."""
-    if len(values) != 1:
-        raise ScpiError(-108 if values else -109)
-    return values[0]
 
 
 def _write(row: Setting, channel: Channel, value: float) -> None:

@@ -113,7 +113,7 @@ class ScpiInstrument(Stateful):
         if self._manner.echo:
             self._line.send(f"{line}{self._end}".encode("latin-1", "replace"))
         if reply:
-            self._line.send(f"{reply}{self._end}".encode("latin-1", "replace"))
+            self._line.send(reply + self._end.encode("ascii"))
         self._protect()
         if self._lines:
             self._begin()

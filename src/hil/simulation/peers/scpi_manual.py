@@ -8,13 +8,28 @@ from typing import Any, Literal
 
 from hil.simulation.faults import Fault
 from hil.simulation.peers.manner import DeviceTruth, Manner
+from hil.simulation.peers.scpi import no_channel, none
 from hil.wire.checkpoint import Stateful
 from hil.wire.peer import PeerClock
 
-__all__ = ["Act", "By", "Channel", "Clear", "Manual", "Numbers", "Reading", "Row", "Setting", "Switch", "Whole", "Word"]
+__all__ = [
+    "Act",
+    "By",
+    "Channel",
+    "Clear",
+    "Manual",
+    "Numbers",
+    "Reading",
+    "Row",
+    "Setting",
+    "Switch",
+    "Whole",
+    "Word",
+    "alone",
+]
 
-By = Literal["parameter", "number", "selected"]
-"""What names the channel of a header: a parameter, the number in the header, or the selection."""
+By = Literal["parameter", "number", "selected", "instrument"]
+"""What names the channel of a header: a parameter, the number in the header, or the selection; 0 is the instrument."""
 
 
 class Channel(Stateful):
@@ -125,12 +140,14 @@ class Switch:
         name: the channel's attribute, or `on` for the channel itself.
         all: whether it concerns every channel, and no parameter names one.
         asked: whether it can be asked for.
+        by: see `Reading`.
     """
 
     header: str
     name: str
     all: bool = False
     asked: bool = True
+    by: By = "parameter"
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,13 +182,15 @@ class Word:
         header: see `Reading`.
         name: the channel's attribute, which becomes what the word stands for.
         words: as manuals print them (`CURRent`), and what each stands for.
-        told: how that is written in an answer.
+        told: how that is written in an answer; as it is, where nothing is said.
+        by: see `Reading`.
     """
 
     header: str
     name: str
     words: Mapping[str, str]
-    told: Mapping[str, str]
+    told: Mapping[str, str] = field(default_factory=dict)
+    by: By = "parameter"
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,11 +202,13 @@ class Act:
         do: takes the channel, the parameters and the instant in ns; returns the answer, None where there is none. It
             may raise `ScpiError`.
         asked: whether it ends with a question mark.
+        by: see `Reading`.
     """
 
     header: str
-    do: Callable[[Any, Sequence[str], int], str | None]
+    do: Callable[[Any, Sequence[str], int], str | bytes | None]
     asked: bool = False
+    by: By = "parameter"
 
 
 Row = Reading | Setting | Switch | Clear | Numbers | Whole | Word | Act
@@ -217,13 +238,24 @@ class Manual:
     identity: str
     truth: type[DeviceTruth]
     rows: tuple[Row, ...]
-    answers: Mapping[str, str]
-    ignored: tuple[str, ...]
-    selects: Mapping[str, str]
-    targets: Callable[[Sequence[str]], tuple[list[str], list[int] | None]]
-    no_channel: int
+    answers: Mapping[str, str] = field(default_factory=dict)
+    ignored: tuple[str, ...] = ()
+    selects: Mapping[str, str] = field(default_factory=dict)
+    targets: Callable[[Sequence[str]], tuple[list[str], list[int] | None]] = no_channel
+    no_channel: int = -224
     error_form: str
-    on_off: tuple[str, str]
-    watches: bool
+    on_off: tuple[str, str] = ("0", "1")
+    watches: bool = False
     faults: tuple[type[Fault], ...]
     manner: type[Manner] = Manner
+
+
+def alone(act: Callable[[Any], str | bytes | None]) -> Callable[[Any, Sequence[str], int], str | bytes | None]:
+    """Return what an `Act` does that takes no parameter, and does not look at the time."""
+
+    def do(channel: Channel, given: Sequence[str], now_ns: int) -> str | bytes | None:
+        del now_ns
+        none(given)
+        return act(channel)
+
+    return do
