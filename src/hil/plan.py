@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from hil.executive.cases.artifacts import Artifacts
+    from hil.executive.cases.charts import Charts, Curve
     from hil.executive.cases.checks import Checks
     from hil.executive.cases.operator import Operator
     from hil.executive.cases.recorder import Recorder
@@ -24,7 +25,9 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Artifacts",
+    "Charts",
     "Checks",
+    "Curve",
     "Cycler",
     "DataAcquisition",
     "ElectronicLoad",
@@ -55,6 +58,7 @@ __all__ = [
 
 _MODULES = {
     "executive.cases.artifacts": ("Artifacts",),
+    "executive.cases.charts": ("Charts", "Curve"),
     "executive.cases.checks": ("Checks",),
     "executive.cases.operator": ("Operator",),
     "executive.cases.recorder": ("Recorder",),

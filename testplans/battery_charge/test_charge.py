@@ -18,7 +18,7 @@ from hil.analysis import (
     series,
     summarise,
 )
-from hil.plan import Figure
+from hil.plan import Curve, Figure
 
 OF_THE_DECLARATION = {"capacity_ratio", "energy_ratio"}
 """Gates that speak against what the maker declares as much as against the tester."""
@@ -26,9 +26,9 @@ OF_THE_DECLARATION = {"capacity_ratio", "energy_ratio"}
 BROKEN_OFF = 0.5
 """A current that fades is not much below that which ends a charge when it ends it; this part of it is."""
 
-IN_THE_REST = "the run was stopped in the rest behind this discharge"
+IN_THE_REST = "the run was stopped in the rest after this discharge"
 REST_VOLTAGES = ("rest_voltage_charged", "rest_voltage_discharged")
-NO_REST = "there was no rest behind this half-cycle: the parameter 'rest' is 0 s"
+NO_REST = "there was no rest after this half-cycle: the parameter 'rest' is 0 s"
 
 S_PER_H = 3600.0
 LINE_S = 5.0
@@ -69,6 +69,13 @@ LIMITED = {
     "end_of_discharge_voltage": "EPS-BAT-002",
     "charge_energy": "EPS-BAT-006",
 }
+HEADLINES = {
+    "discharge_energy": "Discharged energy",
+    "energy_efficiency": "Energy efficiency",
+    "resistance": "Resistance",
+}
+"""What the first page of the report calls a column."""
+
 OF_TABLE_1 = "EPS-BAT-007"
 BEYOND_TABLE_1 = "EPS-BAT-008"
 
@@ -105,7 +112,7 @@ def resistance_of(made, known):
 
 
 def rest_voltage(made, after, known):
-    """Return the voltage [V] at the end of the rest behind a charge or a discharge."""
+    """Return the voltage [V] at the end of the rest after a charge or a discharge."""
     rest = next((each for each in made.rests if each.after is after), None)
     return not_observable("V") if rest is None else Figure(value=rest.voltage, unit="V", uncertainty=known.voltage)
 
@@ -205,7 +212,7 @@ def parts_of(test, parts):
 
 
 def summary_of(lines, cycles, parameters):
-    """Return cycles and gates of the lines behind one beginning of the test."""
+    """Return cycles and gates of the lines after one beginning of the test."""
     data = series(
         *(lines[name] for name in ("time", "voltage", "current")),
         temperature=lines["temperature"],
@@ -216,7 +223,7 @@ def summary_of(lines, cycles, parameters):
 
 
 def summaries_of(lines, starts, parameters):
-    """Return the summary behind each beginning of the test."""
+    """Return the summary after each beginning of the test."""
     ends = [*(start.turn for start in starts[1:]), int(parameters.iterations) + 1]
     return [
         summary_of(each, end - start.turn, parameters) for each, start, end in zip(lines, starts, ends, strict=True)
@@ -263,7 +270,7 @@ def doubts_of(number, made, told, ends, parameters):
 @pytest.mark.repeatable(
     "a cycle that was broken off is run again from an emptied cell, and no number comes from its rest"
 )
-def test_charge(cell, iterations, check, step, artifact, parameters):
+def test_charge(cell, iterations, check, chart, step, artifact, parameters):
     """Ten cycles at C/2 between 4.2 V and 2.7 V in the metal container, and every cycle's numbers."""
     cycles = int(parameters.iterations)
     with step("Lay the cell into the metal container"):
@@ -308,11 +315,31 @@ def test_charge(cell, iterations, check, step, artifact, parameters):
             requirement = LIMITED.get(name, OF_TABLE_1 if place < COLUMNS_OF_TABLE_1 else BEYOND_TABLE_1)
             for number, row in rows.items():
                 if name == "rest_voltage_discharged" and number == cycles:
-                    continue  # nothing comes behind the last discharge but the end of the test
+                    continue  # nothing comes after the last discharge but the end of the test
                 rested = [IN_THE_REST] if name == "rest_voltage_discharged" and number in stopped else []
                 if name in REST_VOLTAGES and not parameters.rest:
                     rested = [NO_REST]
-                check(requirement, name, row[name], of=f"{number}", doubts=[*doubts, *own[number], *rested])
+                against = [*doubts, *own[number], *rested]
+                headline = HEADLINES.get(name, "")
+                check(
+                    requirement,
+                    name,
+                    row[name],
+                    of=f"{number}",
+                    doubts=against,
+                    at=f"cycle {number}",
+                    headline=headline,
+                )
+        for quantity, unit in (("capacity", "A.h"), ("energy", "W.h")):
+            chart(
+                f"{quantity.capitalize()} over cycles",
+                *(
+                    Curve(name=kind, x=[*rows], y=[row[f"{kind}_{quantity}"] for row in rows.values()])
+                    for kind in ("charge", "discharge")
+                ),
+                x=("cycle", "1"),
+                y=(quantity, unit),
+            )
     with step("Hold capacity and energy against what is declared"):
         capacity, energy = median_of(made.values(), known)
         told += [gate for summary in summaries for gate in untold(summary)]

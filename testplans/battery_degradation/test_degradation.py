@@ -22,7 +22,7 @@ from hil.analysis import (
 from hil.analysis import (
     cycles as cycles_of,
 )
-from hil.plan import Figure
+from hil.plan import Curve, Figure
 
 LINE_S = 5.0
 S_PER_H = 3600.0
@@ -63,6 +63,13 @@ FADES = (
 )
 """Changes per cycle: the parameter, the column, and its unit."""
 
+HEADLINES = {
+    "energy_fade": "Fade of the energy",
+    "capacity_fade": "Fade of the capacity",
+    "time_fade": "Fade of the discharge time",
+}
+"""What the first page of the report calls a fade."""
+
 NO_SOAK = "the tester's firmware is of level 1: it begins a half-cycle at once, and waits for no temperature"
 
 
@@ -82,10 +89,10 @@ def cycling(test, cell, change, step, parameters):
             cell.awaited(lambda: test.until("phase", equals=-1.0, within=rests))
             if last:
                 return first, cell.awaited(lambda: test.until_over(within=longest))
-            behind = cell.awaited(lambda: test.until("phase", above=-0.5, within=longest))
+            after = cell.awaited(lambda: test.until("phase", above=-0.5, within=longest))
         with step("Warm up"):
             cell.awaited(lambda: change(test, parameters.charge_temperature))
-        return first, behind
+        return first, after
 
     return cycle
 
@@ -189,16 +196,36 @@ def table(rows):
     return as_csv(columns, ([row["cycle"], *(row[name] for name, *_ in COLUMNS)] for row in rows))
 
 
-def fades_of(rows, starts, skip):
-    """Return the lines over the cycles by name of the parameter; none where there are too few cycles.
+def aged(rows, starts):
+    """Return how many cycles the cell had gone through at the end of each row's.
 
-    A cycle that only emptied the cell has aged it as any other: those behind it lie one further on.
+    A cycle that only emptied the cell has aged it as any other: those after it lie one further on.
     """
-    numbers = [row["cycle"] + sum(start.conditioned and start.turn <= row["cycle"] for start in starts) for row in rows]
+    return [row["cycle"] + sum(start.conditioned and start.turn <= row["cycle"] for start in starts) for row in rows]
+
+
+def fades_of(rows, starts, skip):
+    """Return the lines over the cycles by name of the parameter; none where there are too few cycles."""
+    numbers = aged(rows, starts)
     whole = sum(all(math.isfinite(row[column]) for _, column, _ in FADES) for row in rows[skip:])
     if whole < LEAST_CYCLES:
         return {}
     return {name: fade(numbers, [row[column] for row in rows], unit, skip=skip) for name, column, unit in FADES}
+
+
+def draw_fades(rows, starts, fades, skip, chart):
+    """Draw what every discharge gave over the cycles, with the line of its fade."""
+    numbers = aged(rows, starts)
+    for name, column, unit in FADES[:2]:
+        line = fades.get(name)
+        ends = numbers[skip], numbers[-1]
+        model = line and (ends, [line.beginning.value + line.slope.value * (end - ends[0]) for end in ends])
+        chart(
+            f"{column.replace('_', ' ').capitalize()} over cycles",
+            Curve(name="discharge", x=numbers, y=[row[column] for row in rows], model=model),
+            x=("cycle", "1"),
+            y=(column.replace("_", " "), unit),
+        )
 
 
 def fades_as_csv(fades):
@@ -280,7 +307,7 @@ def broken_off(rows, end_current):
 @pytest.mark.repeatable(
     "a cycle that was broken off is run again from an emptied cell, and no number comes from its rest"
 )
-def test_degradation(cell, assembly, record, iterations, check, step, artifact, parameters):
+def test_degradation(cell, assembly, record, iterations, check, chart, step, artifact, parameters):
     """Charges at 40 degC and discharges at 10 degC for 844 hours, each begun after a soak, and what they cost."""
     count = int(parameters.cycles)
     soaks = cell.cycler.level() != "1"
@@ -324,9 +351,11 @@ def test_degradation(cell, assembly, record, iterations, check, step, artifact, 
             check("EPS-DEG-007", parameter, highest, of="highest", doubts=doubts)
     with step("State energies and fade"):
         check("EPS-DEG-006", "charged_energy", total(rows, "charge_energy"), doubts=ended)
-        check("EPS-DEG-006", "discharged_energy", total(rows, "discharge_energy"), doubts=ended)
+        given = total(rows, "discharge_energy")
+        check("EPS-DEG-006", "discharged_energy", given, doubts=ended, headline="Energy of all discharges")
         fades = fades_of(rows, starts, int(parameters.settling))
         artifact("fade.csv", fades_as_csv(fades))
         for name, _, unit in FADES:
             slope = fades[name].slope if name in fades else not_observable(f"{unit}/cycle")
-            check("EPS-DEG-008", name, slope, doubts=charged)
+            check("EPS-DEG-008", name, slope, doubts=charged, headline=HEADLINES[name])
+        draw_fades(rows, starts, fades, int(parameters.settling), chart)

@@ -17,7 +17,7 @@ from hil.analysis import (
     reproduction,
     rest_mean,
 )
-from hil.plan import Refused
+from hil.plan import Curve, Refused
 
 AXES = "xyz"
 REFERENCE = 25.0
@@ -100,7 +100,27 @@ def reading_of(recording, systematic, rates=None):
     return reading(recording["temperature"].mean(), means, rates)
 
 
-def conclude(readings, verification, spread, doubts, check, step, artifact, parameters):
+def draw_bias(report, chart):
+    """Draw the bias of every axis over temperature with its fit, and what the fit leaves."""
+    for axis in AXES:
+        fit = report.bias[axis]
+        low, high = min(fit.temperature), max(fit.temperature)
+        across = [low + (high - low) * part / 20 for part in range(21)]
+        chart(
+            "Bias over temperature",
+            Curve(
+                name=f"axis {axis}",
+                x=fit.temperature,
+                y=fit.value,
+                model=(across, fit.polynomial.at(across)),
+                residual=fit.residual,
+            ),
+            x=("temperature", "degC"),
+            y=("bias", "deg/s"),
+        )
+
+
+def conclude(readings, verification, spread, doubts, check, chart, step, artifact, parameters):
     """Fit the calibration, export it, and hold it against what it has not seen.
 
     Args:
@@ -122,21 +142,19 @@ def conclude(readings, verification, spread, doubts, check, step, artifact, para
         artifact("calibration.json", as_json(found))
         artifact("calibration.h", as_c_header(found))
         check("ADCS-GYR-022", "export", reproduction(from_json(as_json(found)), report))
+        draw_bias(report, chart)
     for axis in AXES:
         with step(f"State the calibration of axis {axis}"):
-            check("ADCS-GYR-021", "bias", found.axes[axis].bias.figure(REFERENCE), of=axis, doubts=doubts)
-            check(
-                "ADCS-GYR-021",
-                "bias_degree",
-                report.bias[axis].polynomial.degree,
-                of=axis,
-                doubts=doubts,
-            )
-            check("ADCS-GYR-021", "scale", found.axes[axis].scale.figure(REFERENCE), of=axis, doubts=doubts)
+            told = f"axis {axis}, {REFERENCE:g} degC"
+            degree = report.bias[axis].polynomial.degree
+            check("ADCS-GYR-021", "bias", found.axes[axis].bias.figure(REFERENCE), of=axis, doubts=doubts, at=told)
+            check("ADCS-GYR-021", "bias_degree", degree, of=axis, doubts=doubts, at=f"axis {axis}")
+            check("ADCS-GYR-021", "scale", found.axes[axis].scale.figure(REFERENCE), of=axis, doubts=doubts, at=told)
     for axis, measured, true in verification:
-        with step(f"Verify axis {axis} at {true.value:.1f} deg/s and {measured.temperature:.1f} degC"):
-            corrected = found.figures(measured.means, measured.temperature)[axis]
-            check("ADCS-GYR-030", "rate_error", corrected - true, of=axis, doubts=doubts)
+        told = f"axis {axis}, {true.value:.1f} deg/s, {measured.temperature:.1f} degC"
+        with step(f"Verify {told}"):
+            error = found.figures(measured.means, measured.temperature)[axis] - true
+            check("ADCS-GYR-030", "rate_error", error, of=axis, doubts=doubts, at=told, headline="Error of the rate")
 
 
 def leave_open(doubts, check, step):
@@ -153,7 +171,7 @@ def leave_open(doubts, check, step):
 @pytest.mark.requirement("ADCS-GYR-020", "ADCS-GYR-021", "ADCS-GYR-022", "ADCS-GYR-030")
 @pytest.mark.max_duration(80000)
 @pytest.mark.repeatable("the table sets rate and temperature again, and reading a sensor does not change it")
-def test_calibration(chamber, rotation, rate_sensor, doubts_of, record, check, step, artifact, parameters):
+def test_calibration(chamber, rotation, rate_sensor, doubts_of, record, check, chart, step, artifact, parameters):
     """Bias, scale and alignment over temperature from four temperatures and three axes, verified at other rates."""
     board = Board(chamber, rotation, rate_sensor, doubts_of, record, step, parameters)
     readings, verification, spreads = [], [], []
@@ -172,7 +190,7 @@ def test_calibration(chamber, rotation, rate_sensor, doubts_of, record, check, s
     with step("Bring the board back to room temperature"):
         chamber.hold(REFERENCE)
     try:
-        conclude(readings, verification, max(spreads), board.doubts, check, step, artifact, parameters)
+        conclude(readings, verification, max(spreads), board.doubts, check, chart, step, artifact, parameters)
     except Refused as refusal:  # means that are no numbers, or a temperature that cannot be
         if not board.doubts:
             raise

@@ -6,20 +6,33 @@ import numpy as np
 import pytest
 
 from hil.analysis import MovingAverage, assess, characterise, not_observable, observed
-from hil.plan import Figure
+from hil.plan import Curve, Figure
 
 AXES = "xyz"
 
 
-def figures_of(samples, rate, unit, queue, parameters):
-    """Return what the requirements ask of an axis, by requirement and parameter.
+HEADLINES = {
+    "angle_random_walk": "Angle random walk",
+    "bias_instability": "Bias instability",
+    "noise": "Noise after averaging",
+}
+"""What the first page of the report calls a parameter."""
 
-    Nothing is concluded from a record in which samples are no numbers: they were at a rail, or marked invalid.
+
+def model_of(samples, rate, unit, parameters):
+    """Return the noise of an axis; None of a record in which samples are no numbers: nothing is concluded from it.
+
+    They were at a rail, or marked invalid.
     """
-    if not np.isfinite(samples).all():
+    whole = np.isfinite(samples).all()
+    return characterise(samples, rate, unit, tau_min=parameters.shortest_average) if whole else None
+
+
+def figures_of(model, unit, queue):
+    """Return what the requirements ask of an axis, by requirement and parameter."""
+    if model is None:
         noise = window = white = flicker = None
     else:
-        model = characterise(samples, rate, unit, tau_min=parameters.shortest_average)
         white, flicker, window = model.white, model.flicker, model.averaging_window
         noise = Figure(value=queue.noise(model.curve), unit=unit)
     return {
@@ -35,7 +48,7 @@ def figures_of(samples, rate, unit, queue, parameters):
 @pytest.mark.repeatable(
     "a sensor at rest is the same before and after an interruption, and the gap is not judged as data"
 )
-def test_noise_at_rest(chamber, rotation, rate_sensor, doubts_of, record, check, step, parameters):
+def test_noise_at_rest(chamber, rotation, rate_sensor, doubts_of, record, check, chart, step, parameters):
     """Allan deviation of every axis over four hours at rest, and the averaging that follows from it."""
 
     def own():
@@ -57,6 +70,19 @@ def test_noise_at_rest(chamber, rotation, rate_sensor, doubts_of, record, check,
     check("ADCS-GYR-013", "delay", Figure(value=queue.delay, unit="s"))
     for axis in AXES:
         with step(f"Characterise axis {axis}"):
-            found = figures_of(rest[axis], rate, rest.unit(axis), queue, parameters)
-            for (requirement, parameter), figure in found.items():
-                check(requirement, parameter, figure, of=axis, doubts=doubts)
+            unit = rest.unit(axis)
+            model = model_of(rest[axis], rate, unit, parameters)
+            if model is not None:
+                fitted = (model.curve.tau, model.fitted) if len(model.fitted) else None
+                chart(
+                    "Allan deviation at rest",
+                    Curve(name=f"axis {axis}", x=model.curve.tau, y=model.curve.deviation, model=fitted),
+                    x=("averaging time", "s"),
+                    y=("Allan deviation", unit),
+                    log=True,
+                    limit=("ADCS-GYR-011", "angle_random_walk"),
+                    limit_power=-0.5,
+                )
+            for (requirement, parameter), figure in figures_of(model, unit, queue).items():
+                headline = HEADLINES.get(parameter, "")
+                check(requirement, parameter, figure, of=axis, doubts=doubts, at=f"axis {axis}", headline=headline)

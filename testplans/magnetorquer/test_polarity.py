@@ -5,12 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hil.analysis import direction, expected_field, field_ratio, linearity, odd_response, resistance
+from hil.analysis import direction, expected_field, field_ratio, line_residuals, linearity, odd_response, resistance
+from hil.plan import Curve
 
 BOARDS = ("x_plus", "x_minus", "y_plus", "y_minus", "z_plus", "z_minus")
 OUTWARD_NORMAL = (0.0, 0.0, 1.0)
 PHASES = ((+1, "forward"), (0, "without"), (-1, "reverse"))
 COMPASS = ("outward", "inward", "unclear")
+
+
+def named(board):
+    """Return a board as the report calls it: `board x+`."""
+    axis, side = board.split("_")
+    return f"board {axis}{'+' if side == 'plus' else '-'}"
 
 
 def attach(operator, board):
@@ -66,9 +73,10 @@ def test_polarity(board, operator, coil, field, record, check, step, iterations,
         coil.drive(0)
 
     found = direction(response_of(repetitions), OUTWARD_NORMAL, alignment=parameters.alignment)
-    check("ADCS-MTQ-010", "sense", found.sense)
-    check("ADCS-MTQ-010", "significance", found.significance)
-    check("ADCS-MTQ-010", "angle", found.angle)
+    where = named(board)
+    check("ADCS-MTQ-010", "sense", found.sense, at=where)
+    check("ADCS-MTQ-010", "significance", found.significance, at=where)
+    check("ADCS-MTQ-010", "angle", found.angle, at=where, headline="Field from the outward normal")
 
     voltages, currents = zip(*readings, strict=True)
     expected = expected_field(
@@ -79,14 +87,15 @@ def test_polarity(board, operator, coil, field, record, check, step, iterations,
         currents[0],
     )
     gain = scale_uncertainty(repetitions[0][0])
-    check("ADCS-MTQ-020", "field_ratio", field_ratio(found.projection, expected, gain=gain))
-    check("ADCS-MTQ-030", "resistance", resistance(voltages, currents))
+    ratio = field_ratio(found.projection, expected, gain=gain)
+    check("ADCS-MTQ-020", "field_ratio", ratio, at=where, headline="Field over what the geometry gives")
+    check("ADCS-MTQ-030", "resistance", resistance(voltages, currents), at=where, headline="Resistance of the coil")
 
 
 @pytest.mark.requirement("ADCS-MTQ-040")
 @pytest.mark.max_duration(600)
 @pytest.mark.parametrize("board", BOARDS)
-def test_linearity(board, operator, coil, field, record, check, step, iterations, parameters):
+def test_linearity(board, operator, coil, field, record, check, chart, step, iterations, parameters):
     """The field follows the current in a straight line."""
     with step("Put the outer board on the jig"):
         attach(operator, board)
@@ -104,7 +113,15 @@ def test_linearity(board, operator, coil, field, record, check, step, iterations
             fields.append(direction(response_of(repetitions), OUTWARD_NORMAL).projection)
     with step("Switch the coil off"):
         coil.drive(0)
-    check("ADCS-MTQ-040", "nonlinearity", linearity(currents, fields))
+    residuals = line_residuals(currents, fields)
+    line = [each.value - residual for each, residual in zip(fields, residuals, strict=True)]
+    chart(
+        "Field over current",
+        Curve(name=named(board), x=currents, y=fields, model=(currents, line), residual=residuals),
+        x=("coil current", "mA"),
+        y=("field along the normal", "uT"),
+    )
+    check("ADCS-MTQ-040", "nonlinearity", linearity(currents, fields), at=named(board), headline="Non-linearity")
 
 
 @pytest.mark.requirement("ADCS-MTQ-060")
@@ -120,6 +137,6 @@ def test_direction_by_compass(board, operator, coil, check, step, parameters):
             seen = operator.choose(
                 "Hold the phone to the outer face: which way does the field point?", COMPASS, name="phone-direction"
             )
-            check("ADCS-MTQ-060", word, seen)
+            check("ADCS-MTQ-060", word, seen, at=named(board))
     with step("Switch the coil off"):
         coil.drive(0)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from hil.analysis.battery.series import series
     from hil.analysis.battery.steps import StepKind
     from hil.analysis.battery.summary import summarise
-    from hil.analysis.coil import expected_field, field_ratio, linearity, resistance
+    from hil.analysis.coil import expected_field, field_ratio, line_residuals, linearity, resistance
     from hil.analysis.gyroscope.calibrate import calibrate
     from hil.analysis.gyroscope.interchange import as_c_header, as_json, from_json
     from hil.analysis.gyroscope.readings import Reading, reading
@@ -68,6 +68,7 @@ __all__ = [
     "field_ratio",
     "from_json",
     "joule_integral",
+    "line_residuals",
     "linearity",
     "magnitude",
     "mean",
@@ -101,7 +102,7 @@ _MODULES = {
     "battery.series": ("series",),
     "battery.steps": ("StepKind",),
     "battery.summary": ("summarise",),
-    "coil": ("expected_field", "field_ratio", "linearity", "resistance"),
+    "coil": ("expected_field", "field_ratio", "line_residuals", "linearity", "resistance"),
     "gyroscope.calibrate": ("calibrate",),
     "gyroscope.interchange": ("as_c_header", "as_json", "from_json"),
     "gyroscope.readings": ("Reading", "reading"),

@@ -12,7 +12,15 @@ from hil.analysis.statistics import not_observable, root_sum_square
 from hil.analysis.tracing import traced
 from hil.model.figure import Figure, FigureStatus, effective_dof
 
-__all__ = ["copper_at", "expected_field", "field_ratio", "linearity", "on_axis_rectangle", "resistance"]
+__all__ = [
+    "copper_at",
+    "expected_field",
+    "field_ratio",
+    "line_residuals",
+    "linearity",
+    "on_axis_rectangle",
+    "resistance",
+]
 
 _MU_0 = 1.25663706127e-6  # magnetic constant in N/A^2, CODATA 2022
 _COPPER = 0.00393  # temperature coefficient of annealed copper at 20 degC, per K, IEC 60028
@@ -155,8 +163,7 @@ def linearity(currents: Sequence[Figure], fields: Sequence[Figure]) -> Figure:
         raise ValueError(f"{len(currents)} currents need as many fields, got {len(fields)}")
     amperes = _values(currents, "A")
     field = _values(fields, fields[0].unit if fields else "uT")
-    finite = np.isfinite(amperes).all() and np.isfinite(field).all()
-    if not finite or np.unique(amperes).size < 3 or not field.any():
+    if not _makes_line(amperes, field):
         return not_observable("1")
     spread = _line_uncertainties(currents, fields, amperes, field)
     away = np.eye(field.size) - _hat(amperes, spread)
@@ -170,6 +177,27 @@ def linearity(currents: Sequence[Figure], fields: Sequence[Figure]) -> Figure:
     shares = np.append(away[worst] * spread, value * spread[top]) / full_scale
     parts = list(zip((shares**2).tolist(), [figure.dof for figure in (*fields, fields[top])], strict=True))
     return Figure(value=value, unit="1", uncertainty=float(np.linalg.norm(shares)), dof=effective_dof(parts))
+
+
+@traced
+def line_residuals(currents: Sequence[Figure], fields: Sequence[Figure]) -> NDArray[np.float64]:
+    """Return by how much each field lies above the straight line of `linearity`, NaN where there is no line.
+
+    Args:
+        currents: in A, with sign; at least three different ones.
+        fields: along the normal, in one unit; the pairs of `currents`.
+    """
+    amperes = _values(currents, "A")
+    field = _values(fields, fields[0].unit if fields else "uT")
+    if len(currents) != len(fields) or not _makes_line(amperes, field):
+        return np.full(len(fields), math.nan)
+    spread = _line_uncertainties(currents, fields, amperes, field)
+    return field - _hat(amperes, spread) @ field
+
+
+def _makes_line(amperes: NDArray[np.float64], field: NDArray[np.float64]) -> bool:
+    finite = np.isfinite(amperes).all() and np.isfinite(field).all()
+    return bool(finite and np.unique(amperes).size >= 3 and field.any())
 
 
 def _microtesla(turns: float, point: Sequence[float]) -> float:

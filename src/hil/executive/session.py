@@ -15,6 +15,7 @@ from hil.evidence.folder import ATTACHMENTS
 from hil.evidence.package.sealing import ReportWriter
 from hil.executive.cases.artifacts import Artifacts
 from hil.executive.cases.case_run import CaseRun
+from hil.executive.cases.charts import Charts
 from hil.executive.cases.checks import Checks
 from hil.executive.cases.effects import Effects
 from hil.executive.cases.escapes import Escapes
@@ -243,6 +244,7 @@ class Session:
             record=Recorder(steps, scheduler, effects, self.record.store, self.bench.source),
             operator=Operator(self._answers, effects, steps, journal, scheduler.point, self.configuration.hand),
             artifact=Artifacts(steps, effects, journal, self.folder / ATTACHMENTS, self._made),
+            chart=Charts(requirements, steps, journal),
             scheduler=scheduler,
             escapes=Escapes(self.flags, self.configuration.workspace),
             journal=journal,

@@ -15,6 +15,10 @@ __all__ = [
     "Bounds",
     "Case",
     "CaseEnd",
+    "Chart",
+    "ChartAxis",
+    "ChartCurve",
+    "ChartLimit",
     "Check",
     "Effect",
     "Fault",
@@ -247,6 +251,8 @@ class Check(Event, frozen=True, kw_only=True):
             in packages that do not tell.
         unproven: why the value itself proves nothing, a sentence each: it came from nowhere, or was changed by hand.
         uncovered: what no certificate covers, a sentence each; with one of them a guarded check is INCONCLUSIVE.
+        at: the conditions in words, such as `axis z, 25.0 degC`; empty if the case does not tell them.
+        headline: what the first page of the report calls the value; empty if it does not stand there.
     """
 
     case: str
@@ -272,6 +278,8 @@ class Check(Event, frozen=True, kw_only=True):
     provenance: tuple[str, ...] | None = None
     unproven: tuple[str, ...] = ()
     uncovered: tuple[str, ...] = ()
+    at: str = ""
+    headline: str = ""
 
     synced: ClassVar[bool] = True
 
@@ -279,6 +287,84 @@ class Check(Event, frozen=True, kw_only=True):
     def closes_nothing(self) -> tuple[str, ...]:
         """Why this value can close no requirement, a sentence each, empty if nothing speaks against it."""
         return self.unproven + self.uncovered
+
+
+class ChartAxis(Part, frozen=True, kw_only=True):
+    """What an axis of a chart shows.
+
+    Attributes:
+        name: the quantity.
+        unit: its unit, `1` for a plain number.
+    """
+
+    name: str
+    unit: str
+
+
+class ChartCurve(Part, frozen=True, kw_only=True):
+    """Points of a chart that belong together; null is a number that is not finite.
+
+    Attributes:
+        name: what they are of, such as `axis z`.
+        x: where each point stands across, in the unit of that axis.
+        y: its value, in the unit of the other axis.
+        expanded: its expanded uncertainty; empty if it is not drawn.
+        model_x: where the model's curve goes across; empty if there is none.
+        model_y: its values.
+        residual: by how much each point lies above the model; empty if it is not drawn.
+    """
+
+    name: str
+    x: tuple[float | None, ...]
+    y: tuple[float | None, ...]
+    expanded: tuple[float | None, ...] = ()
+    model_x: tuple[float | None, ...] = ()
+    model_y: tuple[float | None, ...] = ()
+    residual: tuple[float | None, ...] = ()
+
+
+class ChartLimit(Part, frozen=True, kw_only=True):
+    """A limit of the catalogue that a chart is drawn with.
+
+    Attributes:
+        requirement: the requirement.
+        parameter: the parameter of its limit.
+        min: the least value in the chart's unit, null without one.
+        max: the largest value, null without one.
+        residual: whether it is a limit on the residuals.
+        power: the limit holds times this power of what stands across: -0.5 for white noise over the averaging time.
+    """
+
+    requirement: str
+    parameter: str
+    min: float | None
+    max: float | None
+    residual: bool = False
+    power: float = 0.0
+
+
+class Chart(Event, frozen=True, kw_only=True):
+    """What a case draws on the first page of the report; charts of one title and of the same axes are drawn as one.
+
+    Attributes:
+        case: its case.
+        step: the number of its step, empty outside steps.
+        title: what stands above.
+        x: the lower axis.
+        y: the left axis.
+        curves: the points.
+        limits: the limits that are drawn with them.
+        log: whether both axes are logarithmic.
+    """
+
+    case: str
+    step: str
+    title: str
+    x: ChartAxis
+    y: ChartAxis
+    curves: tuple[ChartCurve, ...]
+    limits: tuple[ChartLimit, ...] = ()
+    log: bool = False
 
 
 class Fault(Event, frozen=True, kw_only=True):

@@ -12,6 +12,7 @@ from hil.evidence.attempts import Abandoned
 from hil.evidence.events import EventSink
 from hil.evidence.results.ruling import CHANNELS, rule, silence
 from hil.executive.cases.artifacts import Artifacts
+from hil.executive.cases.charts import Charts
 from hil.executive.cases.checks import CheckFailed, Checks
 from hil.executive.cases.effects import Effects
 from hil.executive.cases.escapes import Escapes, OfThisProcess
@@ -58,6 +59,7 @@ class CaseRun(OfThisProcess):
     record: Recorder
     operator: Operator
     artifact: Artifacts
+    chart: Charts
     scheduler: Scheduler
     escapes: Escapes
     journal: EventSink

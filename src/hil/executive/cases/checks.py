@@ -102,6 +102,8 @@ class Checks(OfThisProcess):
         of: str | None = None,
         instrument: Facade | None = None,
         doubts: Sequence[str] = (),
+        at: str = "",
+        headline: str = "",
     ) -> Verdict:
         """Evaluate one criterion, record it, and continue; the case fails at its end.
 
@@ -117,6 +119,9 @@ class Checks(OfThisProcess):
                 value, too; readings and recordings of roles carry theirs already.
             doubts: why the data of the value cannot be trusted, a sentence each, such as gates that tripped;
                 with one of them the check is INCONCLUSIVE, whatever the value.
+            at: the conditions in words, such as `axis z, 25.0 degC`, which every table of the report gives the value
+                with.
+            headline: what to call the value on the first page of the report; checks of one name share an entry there.
 
         Raises:
             Misused: if catalogue and call do not fit together.
@@ -129,7 +134,8 @@ class Checks(OfThisProcess):
             behind = merged(getattr(value, "provenance", None), named)
             own = getattr(value, "provenance", None)
             unproven = (*_unproven(own), *getattr(value, "replaced", ()), *self._unreadable(own))
-            self._evaluate(requirement, limit, of, found, _Behind(added, behind, unproven), doubts=_sentences(doubts))
+            stands = _Behind(added, behind, unproven, one_line(_text(at, "at")), one_line(_text(headline, "headline")))
+            self._evaluate(requirement, limit, of, found, stands, doubts=_sentences(doubts))
         except (Misused, UnitError) as error:
             self.refused.append(error)
             raise
@@ -144,13 +150,17 @@ class Checks(OfThisProcess):
         of: str | None = None,
         instrument: Facade | None = None,
         doubts: Sequence[str] = (),
+        at: str = "",
+        headline: str = "",
     ) -> None:
         """Evaluate like a call, and stop the case unless it passes.
 
         Raises:
             CheckFailed: if the verdict is not good.
         """
-        verdict = self(requirement, parameter, value, of=of, instrument=instrument, doubts=doubts)
+        verdict = self(
+            requirement, parameter, value, of=of, instrument=instrument, doubts=doubts, at=at, headline=headline
+        )
         if not verdict.good:
             last = self._evaluated[-1]
             raise CheckFailed(f"{requirement} {parameter} is {verdict}: {last.reason}")
@@ -269,6 +279,8 @@ class Checks(OfThisProcess):
             provenance=provenance.told,
             unproven=behind.unproven,
             uncovered=provenance.uncovered,
+            at=behind.at,
+            headline=behind.headline,
         )
         self._journal.write(check)
         self._evaluated.append(
@@ -283,6 +295,12 @@ def _too_coarse(judgement: Judgement, limit: Limit) -> bool:
     return limit.min_tur is not None and judgement.tur is not None and judgement.tur < float(limit.min_tur)
 
 
+def _text(value: object, name: str) -> str:
+    if not isinstance(value, str):
+        raise Misused(f"'{name}' of a check is a text, found a {type(value).__name__}", "describe it in a few words")
+    return value
+
+
 def _sentences(doubts: object) -> tuple[str, ...]:
     if isinstance(doubts, str) or not isinstance(doubts, Sequence) or not all(isinstance(one, str) for one in doubts):
         raise Misused("doubts are a list of sentences", "give [str(gate) for gate in tripped]")
@@ -291,11 +309,13 @@ def _sentences(doubts: object) -> tuple[str, ...]:
 
 @dataclass(frozen=True, slots=True)
 class _Behind:
-    """What stands behind a value: uncertainty that an instrument adds, provenance, and why it proves nothing."""
+    """What stands behind a value: an instrument's uncertainty, provenance, why it proves nothing, and conditions."""
 
     added: float | None
     provenance: Provenance | None
     unproven: tuple[str, ...]
+    at: str = ""
+    headline: str = ""
 
 
 def _unproven(provenance: Provenance | None) -> tuple[str, ...]:

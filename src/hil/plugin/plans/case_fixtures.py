@@ -15,7 +15,7 @@ from hil.executive.session import Session
 
 __all__ = ["CASE_FIXTURES", "case_fixtures"]
 
-CASE_FIXTURES = ("artifact", "check", "clock", "iterations", "operator", "parameters", "record", "step")
+CASE_FIXTURES = ("artifact", "chart", "check", "clock", "iterations", "operator", "parameters", "record", "step")
 """What every case can ask for, whatever its bench is."""
 
 
@@ -38,6 +38,7 @@ def case_fixtures(session: Callable[[], Session], roles: Iterable[str]) -> Modul
     provide("check", lambda _, run: run.check, "Evaluate one criterion of the catalogue.")
     provide("operator", lambda _, run: run.operator, "A person's hands and eyes.")
     provide("artifact", lambda _, run: run.artifact, "Keep a file with the evidence.")
+    provide("chart", lambda _, run: run.chart, "Draw a chart on the first page of the report.")
     provide("iterations", lambda _, run: run.iterations, "A loop that may be re-entered.")
     provide("clock", lambda _, run: CaseClock(run), "Bench time.")
     provide("parameters", _parameters, "The plan's parameters.")
