@@ -12,30 +12,34 @@ from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
 from html import escape
 
 __all__ = [
-    "TITLE",
+    "DISC",
     "WIDTH",
     "Band",
     "Graphic",
+    "LogScale",
     "Panel",
     "Scale",
     "Sheet",
     "draw_limits",
     "finite",
+    "legend_height",
+    "legend_rows",
     "plain",
     "polyline",
     "spread",
     "width_of",
 ]
 
-WIDTH = 7_200
-"""Of every drawing, in units: ten to a pixel, so that whole numbers are fine enough."""
+WIDTH = 3_600
+"""Of every drawing, in units: ten to a pixel. Two fit side by side on paper, and one on a telephone with its words."""
 
 _CHARACTER = 62  # the width of one, on average and generously
 _SHORTEST = 20  # a line that would be a point is drawn this long
-TITLE = 140
-"""The line on which a drawing's title stands, in units from its top."""
-
 _TICK = 35
+_ENTRY = 150  # the height of one row of a legend
+_KEY = 400  # what a legend's entry takes beside its words
+DISC = "m-34 0a34 34 0 1 0 68 0a34 34 0 1 0-68 0z"
+"""The outline of a point, from its middle."""
 _WORDS = 40  # how far below its middle line a text stands
 _LARGEST = 1e300  # beyond it a difference could be infinite
 _NARROWEST = 1e-9  # of the largest value: less is the noise of a float, and no two ticks would differ
@@ -81,22 +85,32 @@ class Sheet:
         turned = f' transform="rotate(-90 {place[0]} {place[1]})"' if upright else ""
         self._parts.append(f'<text class="{kind}" x="{place[0]}" y="{place[1]}"{turned}>{escape(words)}</text>')
 
-    def svg(self, title: str, height: int) -> str:
+    def svg(self, title: str, height: int, width: int = WIDTH) -> str:
         """Return the drawing as an element that can stand inside an HTML page."""
         told = escape(plain(title), quote=True)
         return (
-            f'<svg class="drawing" role="img" aria-label="{told}" viewBox="0 0 {WIDTH} {height}">'
+            f'<svg class="drawing" role="img" aria-label="{told}" viewBox="0 0 {width} {height}">'
             f"{''.join(self._parts)}</svg>"
         )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Band:
-    """Limits to be drawn behind values of the same unit; None is open on that side."""
+    """Limits to be drawn behind values of the same unit; None is open on that side.
+
+    Attributes:
+        unit: of the limits.
+        low: the least value.
+        high: the largest value.
+        channel: the channel that they speak of, empty for every one of that unit.
+        windows: from when to when they count, in seconds; empty where they always do.
+    """
 
     unit: str
     low: float | None
     high: float | None
+    channel: str = ""
+    windows: tuple[tuple[float, float], ...] = ()
 
     @property
     def edges(self) -> tuple[float, ...]:
@@ -144,6 +158,36 @@ class Scale:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class LogScale(Scale):
+    """A logarithmic axis between two values above zero."""
+
+    def at(self, value: float) -> int:
+        """Return where a value above zero stands; what is outside the axis stands at its end."""
+        low, high = math.log10(self.low), math.log10(self.high)
+        share = (math.log10(min(max(value, self.low), self.high)) - low) / (high - low)
+        return round(self.first + share * (self.last - self.first))
+
+    @property
+    def exponent(self) -> int:
+        """The labels are powers of ten themselves."""
+        return 0
+
+    def ticks(self, most: int) -> list[tuple[float, str]]:
+        """Return the powers of ten within the axis, or at most about `most` of them; where there is one only, more."""
+        first, last = math.ceil(math.log10(self.low) - 1e-9), math.floor(math.log10(self.high) + 1e-9)
+        if last - first < 1:
+            digits = [(digit, size) for size in range(first - 1, last + 1) for digit in (1, 2, 5)]
+            near = [float(f"{digit}e{size}") for digit, size in digits]
+            return [(value, f"{value:g}") for value in near if self.low <= value <= self.high]
+        step = -(-(last - first + 1) // most)
+        return [(float(f"1e{size}"), _power(size)) for size in range(first, last + 1, step)]
+
+
+def _power(size: int) -> str:
+    return f"{10**size:g}" if 0 <= size < 5 else f"10{str(size).translate(_SUPERSCRIPT)}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Panel:
     """A rectangle with an axis below and one at its left; `y` runs upwards."""
 
@@ -176,28 +220,64 @@ class Panel:
 
     def named(self, sheet: Sheet, words: str) -> None:
         """Write what the left axis is, upright at the drawing's edge."""
-        sheet.text("mid", (120, (self.y.first + self.y.last) // 2), plain(words, 24), upright=True)
+        sheet.text("mid", (120, (self.y.first + self.y.last) // 2), plain(words, 30), upright=True)
+
+    def legend(self, sheet: Sheet, entries: Sequence[tuple[str, str]]) -> None:
+        """Write what each kind of line is above the panel, in rows from the left; see `legend_rows`."""
+        rows = legend_rows([name for _, name in entries], self.x.last - self.x.first)
+        kinds = iter(entries)
+        for place, row in enumerate(rows):
+            line, left = self.y.last - 90 - _ENTRY * (len(rows) - 1 - place), self.x.first
+            for name in row:
+                kind = next(kinds)[0]
+                if kind.startswith("mark"):
+                    sheet.path(kind, f"M{left + 110} {line}{DISC}")
+                else:
+                    sheet.line(kind, (left, line), (left + 220, line))
+                sheet.text("begin", (left + 270, line + _WORDS), name)
+                left += _KEY + width_of(name)
 
 
-def draw_limits(sheet: Sheet, panel: Panel, bands: Sequence[Band], *, upright: bool) -> None:
-    """Draw what is allowed as an area, and its edges as dashed lines; an open side goes to the axis' end.
+def legend_rows(names: Sequence[str], width: int) -> list[list[str]]:
+    """Return names as rows of a legend that are not wider than this."""
+    rows: list[list[str]] = []
+    room = 0
+    for name in names:
+        if not rows or room + _KEY + width_of(name) > width:
+            rows.append([])
+            room = 0
+        rows[-1].append(name)
+        room += _KEY + width_of(name)
+    return rows
+
+
+def legend_height(names: Sequence[str], width: int) -> int:
+    """Return the room that a legend takes."""
+    return _ENTRY * len(legend_rows(names, width)) + 40 if names else 0
+
+
+def draw_limits(sheet: Sheet, panel: Panel, bands: Sequence[Band]) -> None:
+    """Draw what is allowed as an area, and its edges as dashed lines, where the limits count.
+
+    An open side goes to the axis' end.
 
     Args:
         sheet: what to draw on.
         panel: where.
-        bands: the limits, in the unit of the axis that they belong to.
-        upright: whether they belong to the lower axis.
+        bands: the limits, in the unit of the left axis; their windows in that of the lower one.
     """
-    scale, other = (panel.x, panel.y) if upright else (panel.y, panel.x)
+    edges: dict[str, None] = {}
     for band in bands:
         low, high = (
-            scale.at(end if edge is None else edge) for edge, end in ((band.low, scale.low), (band.high, scale.high))
+            panel.y.at(end if edge is None else edge)
+            for edge, end in ((band.low, panel.y.low), (band.high, panel.y.high))
         )
-        corner, opposite = (low, other.first), (high, other.last)
-        sheet.area("band", *((corner, opposite) if upright else (corner[::-1], opposite[::-1])))
-    for edge in dict.fromkeys(edge for band in bands for edge in band.edges):
-        begin, end = (scale.at(edge), other.first), (scale.at(edge), other.last)
-        sheet.line("limit", *((begin, end) if upright else (begin[::-1], end[::-1])))
+        for begin, end in band.windows or ((panel.x.low, panel.x.high),):
+            left, right = panel.x.at(begin), panel.x.at(end)
+            if right > left:
+                sheet.area("band", (left, low), (right, high))
+                edges.update({f"M{left} {panel.y.at(edge)}H{right}": None for edge in band.edges})
+    sheet.path("limit", "".join(edges))
 
 
 def spread(values: Iterable[float], margin: float) -> tuple[float, float]:
@@ -240,9 +320,9 @@ def polyline(places: Iterable[tuple[int, int]]) -> str:
 
 
 def plain(words: str, longest: int = 90) -> str:
-    """Return the text without what no drawing can show, shortened in the middle."""
+    """Return the text without what no drawing can show, its end cut off where it is too long."""
     shown = "".join(character if character.isprintable() else "\N{REPLACEMENT CHARACTER}" for character in words)
-    return shown if len(shown) <= longest else f"{shown[: longest // 2]}…{shown[-longest // 2 + 1 :]}"
+    return shown if len(shown) <= longest else f"{shown[: longest - 1].rstrip()}…"
 
 
 def width_of(words: str) -> int:

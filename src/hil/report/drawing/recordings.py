@@ -1,15 +1,15 @@
-"""Recordings as drawings: their channels over time, a panel per unit, with the limits of that unit behind them."""
+"""Recordings as drawings: their channels over time, a panel per unit, with limits behind them where they count."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from hil.evidence.events import Capture, Fed, Recording
 from hil.report.drawing.checks import short
 from hil.report.drawing.panel import (
-    TITLE,
     WIDTH,
     Band,
     Graphic,
@@ -18,6 +18,7 @@ from hil.report.drawing.panel import (
     Sheet,
     draw_limits,
     finite,
+    legend_height,
     plain,
     polyline,
     spread,
@@ -36,8 +37,8 @@ _MOST_POINTS = 2000  # of one channel
 _FEWEST_POINTS = 200
 _ALL_POINTS = 36_000  # of all channels of a page, so that it can still be mailed
 _MOST_DRAWINGS = 40  # of recordings, for the same reason
-_ABOVE, _BELOW, _BETWEEN, _HEIGHT = 260, 380, 180, 1_200
-_ENTRY = 150  # the height of one name beside a panel
+_ABOVE, _BELOW, _BETWEEN, _HEIGHT = 60, 380, 180, 1_050
+_MANY, _LOW = 3, 620  # so many panels are lower
 _NAME = 24
 _MARK = 160  # the length of the mark at the trigger's level
 _KINDS = 4  # of colours, and of dashes: together they tell sixteen channels apart
@@ -48,72 +49,102 @@ _SHORT = ((2.0, 1.0, "s"), (2e-3, 1e-3, "ms"), (2e-6, 1e-6, "µs"))
 def recording_graphics(
     material: Material,
     recordings: Sequence[Recording],
-    judged: Mapping[str, Sequence[Band]],
     envelope: Sequence[Body],
     fed: Sequence[Fed] = (),
+    end: float = 0.0,
 ) -> Mapping[str, tuple[Graphic, ...]]:
     """Return by case the drawings of its recordings; those with the same channels share one over bench time.
 
-    A capture has one of its own, over the time after its trigger, and no limits behind it: those of checks speak of
-    figures made of it, not of every sample.
+    A capture has one of its own, over the time after its trigger, and no limits behind it. Readings of the envelope
+    are drawn limit by limit over the whole run, where the limit counted; those of a limit that a recording fed end
+    where it took over, and are not drawn, because the recording is. Limits of checks speak of single figures, and
+    stand beside them.
 
     Args:
         material: where the samples are.
         recordings: the events with which recordings began; those of no case are the envelope's.
-        judged: by case the limits of its checks; each stands behind the channels of the case that have its unit.
-        envelope: the limits of the bench file, which stand behind the channels of the same name.
-        fed: the events that tell which of them a recording fed; these stand behind its channels, and not those of
-            checks, which speak of single moments of it.
+        envelope: the limits of the bench file, which stand behind what they are judged on.
+        fed: the events that tell which of them a recording fed.
+        end: bench time at which the run ended, in s.
     """
+    limits = {text(limit, "id"): limit for limit in envelope}
+    taken_over = {event.limit for event in fed}
     groups: dict[tuple[str, object], list[Recording]] = {}
     for recording in recordings:
+        if not recording.case and (recording.name not in limits or recording.name in taken_over):
+            continue
         channels = tuple((channel.name, channel.unit) for channel in recording.channels)
-        own = recording.recording if recording.capture else ""
+        own = recording.recording if recording.capture or not recording.case else ""
         groups.setdefault((recording.case or "", (channels, own)), []).append(recording)
     drawn = list(groups.items())[:_MOST_DRAWINGS]
     share = _ALL_POINTS // max(sum(len(members[0].channels) for _, members in drawn), 1)
     points = max(_FEWEST_POINTS, min(_MOST_POINTS, share))
+    currents = _currents(material, recordings) if any(text(limit, "while") for limit in envelope) else {}
     graphics: dict[str, tuple[Graphic, ...]] = {}
     for (case, _), members in drawn:
-        found = [] if members[0].capture else _bands(case, members, judged.get(case, ()), envelope, fed)
-        graphics[case] = graphics.get(case, ()) + _drawn(material, members, found, points)
+        found = [] if members[0].capture else _bands(members, limits, fed, currents)
+        span = (0.0, end) if not case and end > 0 else None
+        graphics[case] = graphics.get(case, ()) + _drawn(material, members, found, points, span)
     return graphics
 
 
-def draw_traces(title: str, traces: Sequence[Trace], bands: Sequence[Band], capture: Capture | None = None) -> str:
+def draw_traces(
+    title: str,
+    traces: Sequence[Trace],
+    bands: Sequence[Band],
+    capture: Capture | None = None,
+    span: tuple[float, float] | None = None,
+) -> str:
     """Return the channels over time as SVG, one panel per unit, with the limit bands of that unit behind them.
 
     Args:
-        title: what stands above.
+        title: for who cannot see it.
         traces: the channels.
         bands: the limits.
         capture: what makes it a capture; its trigger is marked, and times count from there.
+        span: from when to when the axis goes; without it, over the traces.
     """
     panels = [[trace for trace in traces if trace.unit == unit] for unit in dict.fromkeys(t.unit for t in traces)]
-    begin, end = spread([time for trace in traces for time in _ends(trace)], 0.01)
+    begin, end = span or spread([time for trace in traces for time in _ends(trace)], 0.01)
     sizes, least = (_SHORT, (1e-9, "ns")) if capture else (_TIMES, (1.0, "s"))
     scale, word = next(((size, name) for long, size, name in sizes if end - begin > long), least)
     time = "time after the trigger" if capture else "bench time"
-    ranges = [_extent(own, [band for band in bands if band.unit == own[0].unit]) for own in panels]
-    named = [width_of(plain(trace.name, _NAME)) + 520 for own in panels if len(own) > 1 for trace in own]
-    right = WIDTH - max(named, default=120)
-    left = 340 + max(width_of(label) for low, high in ranges for _, label in _ticks(low, high))
-    across = Scale(low=begin / scale, high=end / scale, first=left, last=right)
+    ranges = [_extent(own, _behind(own, bands)) for own in panels]
+    left = 330 + max(width_of(label) for low, high in ranges for _, label in _ticks(low, high))
+    across = Scale(low=begin / scale, high=end / scale, first=left, last=WIDTH - 100)
     sheet, top = Sheet(), _ABOVE
-    sheet.text("title", (left, TITLE), plain(title))
     for own, (low, high) in zip(panels, ranges, strict=True):
-        bottom = top + max(_HEIGHT, _ENTRY * len(own))
+        names = [plain(trace.name, _NAME) for trace in own] if len(own) > 1 else []
+        top += legend_height(names, across.last - across.first)
+        bottom = top + (_HEIGHT if len(panels) < _MANY else _LOW)
         panel = Panel(x=across, y=Scale(low=low, high=high, first=bottom, last=top))
-        draw_limits(sheet, panel, [band for band in bands if band.unit == own[0].unit], upright=False)
-        panel.across(sheet, 9, labelled=own is panels[-1], title=across.titled(f"{time} / {word}"))
+        scaled = [replace(band, windows=_scaled(band.windows, scale)) for band in _behind(own, bands)]
+        draw_limits(sheet, panel, scaled)
+        panel.across(sheet, 7, labelled=own is panels[-1], title=across.titled(f"{time} / {word}"))
         panel.upward(sheet, _ticks(low, high), grid=True)
-        unit = panel.y.titled(own[0].unit) or "1"
-        panel.named(sheet, f"{own[0].name} / {unit}" if len(own) == 1 else unit)
+        unit = panel.y.titled("" if own[0].unit == "1" else own[0].unit)
+        panel.named(sheet, " / ".join(part for part in (own[0].name if len(own) == 1 else "", unit) if part))
         if capture:
             _trigger(sheet, panel, capture, [trace.name for trace in own])
-        _lines(sheet, panel, own, scale)
+        panel.legend(sheet, [(f"line {_kind(place)}", name) for place, name in enumerate(names)])
+        for place, trace in enumerate(own):
+            sheet.path(f"line {_kind(place)}", _path(panel, trace, scale))
         top = bottom + _BETWEEN
     return sheet.svg(title, top - _BETWEEN + _BELOW)
+
+
+def _kind(place: int) -> str:
+    return f"c{place % _KINDS} d{(place + place // _KINDS) % _KINDS}"
+
+
+def _scaled(windows: Iterable[tuple[float, float]], scale: float) -> tuple[tuple[float, float], ...]:
+    return tuple((begin / scale, end / scale) for begin, end in windows)
+
+
+def _behind(own: Sequence[Trace], bands: Sequence[Band]) -> list[Band]:
+    """Return the limits that stand behind the channels of a panel."""
+    names = {trace.name for trace in own}
+    return [band for band in bands if band.unit == own[0].unit and (not band.channel or band.channel in names)]
 
 
 def _trigger(sheet: Sheet, panel: Panel, capture: Capture, names: Sequence[str]) -> None:
@@ -127,24 +158,44 @@ def _trigger(sheet: Sheet, panel: Panel, capture: Capture, names: Sequence[str])
 
 
 def _drawn(
-    material: Material, recordings: Sequence[Recording], bands: Sequence[Band], points: int
+    material: Material,
+    recordings: Sequence[Recording],
+    bands: Sequence[Band],
+    points: int,
+    span: tuple[float, float] | None,
 ) -> tuple[Graphic, ...]:
     parts = [material.traces(recording.recording) for recording in recordings]
     parts = [[trace for trace in traces if len(trace.times)] for traces in parts]
     parts = [traces for traces in parts if traces]
     if not parts:
         return ()
+    first = recordings[0]
+    counting = bands[0].windows if not first.case and bands else ()
+    if counting:  # readings that no limit was held against would hide those that one was
+        parts = [[_within(trace, counting) for trace in traces] for traces in parts]
     names = ", ".join(dict.fromkeys(recording.name for recording in recordings))
-    count = f" ({len(parts)} recordings)" if len(parts) > 1 else ""
-    title = " · ".join(part for part in (short(recordings[0].case or ""), names + count) if part)
+    title = names + (f" ({len(parts)} recordings)" if len(parts) > 1 else "")
     each = max(points // len(parts), 4)
     joined = [_joined([traces[place] for traces in parts], each) for place in range(len(parts[0]))]
     described = "; ".join(_told([traces[place] for traces in parts]) for place in range(len(parts[0])))
-    capture = recordings[0].capture
-    if capture:
-        level = with_unit(number(capture.level, 4), next((t.unit for t in joined if t.name == capture.channel), ""))
-        described += f"; triggered by {capture.channel}, {capture.slope} through {level}"
-    return (Graphic(title=title, described=described, svg=draw_traces(title, joined, bands, capture)),)
+    if counting:
+        described += "; shown where the limit counts"
+    if first.capture:
+        unit = next((t.unit for t in joined if t.name == first.capture.channel), "")
+        level = with_unit(number(first.capture.level, 4), unit)
+        described += f"; triggered by {first.capture.channel}, {first.capture.slope} through {level}"
+    told = " · ".join(part for part in (short(first.case or ""), title) if part)
+    svg = draw_traces(told, joined, bands, first.capture, span)
+    return (Graphic(title=title, described=f"{described}.", svg=svg),)
+
+
+def _within(trace: Trace, windows: Sequence[tuple[float, float]]) -> Trace:
+    """Return a channel with holes wherever no window is."""
+    import numpy as np  # noqa: PLC0415 - slow to import
+
+    edges = np.array(windows)
+    inside = np.searchsorted(edges[:, 0], trace.times, "right") > np.searchsorted(edges[:, 1], trace.times, "left")
+    return replace(trace, values=np.where(inside, trace.values, np.nan))
 
 
 def _joined(pieces: Sequence[Trace], points: int) -> Trace:
@@ -159,21 +210,63 @@ def _joined(pieces: Sequence[Trace], points: int) -> Trace:
 
 
 def _bands(
-    case: str, recordings: Sequence[Recording], judged: Sequence[Band], envelope: Sequence[Body], fed: Sequence[Fed]
+    recordings: Sequence[Recording],
+    limits: Mapping[str, Body],
+    fed: Sequence[Fed],
+    currents: Mapping[str | None, Trace],
 ) -> list[Band]:
-    """Return the distinct limits that hold for these recordings' channels, by unit; a plain number has no kind."""
-    units = {channel.unit for recording in recordings for channel in recording.channels} - {"1"}
-    names = {recording.name for recording in recordings}
+    """Return the limits that hold for what these recordings hold: their own, or those that they fed.
+
+    What is derived from rows, such as a slope, a charge since the last change, or a difference, is another quantity.
+    """
     own = {recording.recording for recording in recordings}
-    meant = {event.limit for event in fed if event.recording in own}
-    watched = [
-        Band(unit=text(limit, "unit"), low=finite(limit.get("min")), high=finite(limit.get("max")))
-        for limit in envelope
-        if text(limit, "id") in (meant if case else names)
-    ]
-    known = {band.unit for band in watched}
-    rest = [band for band in judged if band.unit not in known]
-    return list(dict.fromkeys(band for band in [*watched, *rest] if band.unit in units))
+    channels = {channel.name: channel for recording in recordings for channel in recording.channels}
+    if recordings[0].case:
+        meant = dict.fromkeys(event.limit for event in fed if event.recording in own)
+        found = [
+            limit for name in meant for limit in [limits.get(name, {})]
+            if not any(text(limit, key) for key in ("of", "against", "since"))
+        ]  # fmt: skip
+    else:
+        found = [limits[recordings[0].name]]
+    bands = []
+    for limit in found:
+        quantity = text(limit, "quantity") if recordings[0].case else next(iter(channels))
+        channel = channels.get(quantity)
+        if channel is None or channel.unit != text(limit, "unit"):
+            continue
+        flow = text(limit, "while")
+        windows = _windows(currents.get(channel.instrument), flow, finite(text(limit, "threshold")) or 0.0)
+        if windows or not flow:
+            low, high = finite(limit.get("min")), finite(limit.get("max"))
+            bands.append(Band(unit=channel.unit, low=low, high=high, channel=quantity, windows=windows))
+    return list(dict.fromkeys(bands))
+
+
+def _currents(material: Material, recordings: Sequence[Recording]) -> dict[str | None, Trace]:
+    """Return by instrument the current of the recording that lasted longest: it tells when a limit counts."""
+    found: dict[str | None, Trace] = {}
+    for recording in recordings:
+        channel = next((each for each in recording.channels if each.name == "current" and each.unit == "A"), None)
+        if channel is None:
+            continue
+        trace = next((each for each in material.traces(recording.recording) if each.name == "current"), None)
+        if trace is not None and len(trace.times) > len(getattr(found.get(channel.instrument), "times", ())):
+            found[channel.instrument] = trace
+    return found
+
+
+def _windows(current: Trace | None, flow: str, threshold: float) -> tuple[tuple[float, float], ...]:
+    """Return from when to when such a current flowed, in s."""
+    import numpy as np  # noqa: PLC0415 - slow to import
+
+    if current is None or not flow:
+        return ()
+    signed = {"discharging": -current.values, "flowing": np.abs(current.values)}.get(flow, current.values)
+    flows = np.concatenate(([False], np.nan_to_num(signed) > threshold, [False])).astype(int)
+    edges = np.diff(flows)
+    begins, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - 1
+    return tuple((float(current.times[a]), float(current.times[b])) for a, b in zip(begins, ends, strict=True) if b > a)
 
 
 def _told(pieces: Sequence[Trace]) -> str:
@@ -212,16 +305,6 @@ def _drawable(values: NDArray[np.float64]) -> NDArray[np.bool_]:
 
 def _ticks(low: float, high: float) -> list[tuple[float, str]]:
     return Scale(low=low, high=high, first=0, last=1).ticks(6)
-
-
-def _lines(sheet: Sheet, panel: Panel, traces: Sequence[Trace], scale: float) -> None:
-    for place, trace in enumerate(traces):
-        kind = f"line c{place % _KINDS} d{(place + place // _KINDS) % _KINDS}"
-        sheet.path(kind, _path(panel, trace, scale))
-        if len(traces) > 1:
-            left, line = panel.x.last + 120, panel.y.last + 60 + _ENTRY * place
-            sheet.line(kind, (left, line), (left + 260, line))
-            sheet.text("begin", (left + 320, line + 40), plain(trace.name, _NAME))
 
 
 def _path(panel: Panel, trace: Trace, scale: float) -> str:

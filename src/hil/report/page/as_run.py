@@ -1,4 +1,4 @@
-"""The procedure as it was run: steps, effects, questions, checks and recordings of each case."""
+"""Where each event of a run belongs, and its checks and recordings written out."""
 
 from __future__ import annotations
 
@@ -7,15 +7,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from hil.evidence.events import (
-    Answer,
     Bounds,
     Case,
     Channel,
     Check,
-    Effect,
     Event,
     Fed,
-    Question,
     Recording,
     RecordingEnd,
     Rows,
@@ -23,8 +20,8 @@ from hil.evidence.events import (
     StepEnd,
 )
 from hil.model.verdict import Verdict
-from hil.report.numbers import bench_time, duration, limit_text, measured, number, with_unit
-from hil.report.page.view import CaseName, CheckRow, Exchange, RecordingRow, StepRow
+from hil.report.numbers import duration, limit_text, measured, number, with_unit
+from hil.report.page.view import CaseName, CheckRow, RecordingRow
 
 __all__ = [
     "Placed",
@@ -32,13 +29,11 @@ __all__ = [
     "check_row",
     "checks_of",
     "fed_limits",
+    "ids",
     "limit_of",
     "recording_rows",
-    "step_rows",
     "watched_rows",
 ]
-
-_EFFECTS = {"reads": "read", "waits": "wait", "asks": "question"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,18 +84,6 @@ def _place(event: Event, owners: Mapping[str, tuple[str, str]]) -> tuple[str, st
     return getattr(event, "case", None) or "", step or ""
 
 
-def step_rows(events: Sequence[Placed]) -> tuple[StepRow, ...]:
-    """Return the steps among the events of one case in the order in which they began, set-up and the like first."""
-    steps = [
-        _step(each, each.event, _within(events, place))
-        for place, each in enumerate(events)
-        if isinstance(each.event, Step)
-    ]
-    kinds = Effect | Question | Answer | Recording
-    outside = [each for each in events if isinstance(each.event, kinds) and not each.step]
-    return (_outside(outside), *steps) if outside else tuple(steps)
-
-
 def checks_of(events: Iterable[Placed], names: Mapping[str, CaseName]) -> tuple[CheckRow, ...]:
     """Return every check among the events, with the case that it belongs to by name."""
     return tuple(
@@ -120,6 +103,7 @@ def check_row(check: Check, named: CaseName | None = None, attempt: str = "") ->
         requirement=check.requirement,
         parameter=check.parameter,
         of=check.of or "",
+        at=check.at or check.of or "",
         value=measured(check.value, expanded, check.unit),
         coverage=_coverage(check),
         limit=limit,
@@ -180,7 +164,7 @@ def fed_limits(events: Iterable[Placed]) -> tuple[str, ...]:
         alike.setdefault(tuple(names), []).append(limit)
     return tuple(
         f"{', '.join(limits)} {'were' if len(limits) > 1 else 'was'} judged on every row of"
-        f" recording{'s' * (len(names) > 1)} {_ids(names)}; {'they were' if len(limits) > 1 else 'it was'} not"
+        f" recording{'s' * (len(names) > 1)} {ids(names)}; {'they were' if len(limits) > 1 else 'it was'} not"
         " read separately while rows arrived in time."
         for names, limits in alike.items()
     )
@@ -193,10 +177,11 @@ def _merged(rows: Sequence[RecordingRow], ends: Mapping[str, RecordingEnd]) -> R
     gaps = [ends[row.id].gaps for row in rows if row.id in ends]
     low, high = (duration(end(gaps, default=None)) for end in (min, max))
     gap = low if low == high else f"{low} to {high}"
-    return replace(rows[0], id=_ids([row.id for row in rows]), count=len(rows), gap=gap)
+    names = tuple(row.id for row in rows)
+    return replace(rows[0], id=ids(names), ids=names, count=len(rows), gap=gap)
 
 
-def _ids(ids: Sequence[str]) -> str:
+def ids(ids: Sequence[str]) -> str:
     """Return ids that differ by their number as ranges of it: `003 to 007, 009-field`; any others one by one."""
     parts = [identifier.partition("-") for identifier in ids]
     if len({rest for _, _, rest in parts}) > 1 or not all(number_.isdecimal() for number_, _, _ in parts):
@@ -208,95 +193,6 @@ def _ids(ids: Sequence[str]) -> str:
         else:
             ranges.append([number_])
     return f"{', '.join(' to '.join(ends) for ends in ranges)}-{parts[0][2]}"
-
-
-def _within(events: Sequence[Placed], place: int) -> list[Placed]:
-    """Return what happened from the step at `place` until it ended, without the steps inside it."""
-    number_ = events[place].step
-    until = next(
-        (
-            later
-            for later in range(place + 1, len(events))
-            if isinstance(events[later].event, StepEnd) and events[later].step == number_
-        ),
-        len(events) - 1,
-    )
-    return [each for each in events[place : until + 1] if each.step == number_]
-
-
-def _step(placed: Placed, begin: Step, within: Sequence[Placed]) -> StepRow:
-    end = next((each.event for each in within if isinstance(each.event, StepEnd)), None)
-    return StepRow(
-        number=begin.number,
-        attempt=placed.attempt,
-        depth=begin.number.count("."),
-        title=begin.path[-1] if begin.path else "",
-        begin=bench_time(begin.t),
-        duration=duration(end.duration) if end else "",
-        outcome=end.outcome if end else "not ended",
-        effects=_effects(within),
-        recordings=tuple(each.event.recording for each in within if isinstance(each.event, Recording)),
-        exchanges=_exchanges(within),
-    )
-
-
-def _outside(events: Sequence[Placed]) -> StepRow:
-    """Return a row for what a case did outside its steps: fixtures that set up, and what follows the last step."""
-    return StepRow(
-        number="-",
-        attempt=events[0].attempt,
-        depth=0,
-        title="Outside any step",
-        begin=bench_time(events[0].event.t),
-        duration="",
-        outcome="",
-        effects=_effects(events),
-        recordings=tuple(each.event.recording for each in events if isinstance(each.event, Recording)),
-        exchanges=_exchanges(events),
-    )
-
-
-def _effects(within: Iterable[Placed]) -> str:
-    """Return what was driven, call by call, and how often it was read, waited and asked."""
-    effects = [each.event for each in within if isinstance(each.event, Effect)]
-    driven = [_call(effect) for effect in effects if effect.effect == "drives"]
-    times: Counter[str] = Counter(effect.effect for effect in effects)
-    words = [(times[kind], word) for kind, word in _EFFECTS.items() if times[kind]]
-    others = ", ".join(f"{count} {word}{'s' if count > 1 else ''}" for count, word in words)
-    return "; ".join((*driven, *([others] if others else [])))
-
-
-def _call(effect: Effect) -> str:
-    return f"{effect.name}({', '.join(f'{key}={value}' for key, value in effect.arguments.items())})"
-
-
-def _exchanges(within: Iterable[Placed]) -> tuple[Exchange, ...]:
-    """Return the questions, each with the next answer to it."""
-    asked = [each.event for each in within if isinstance(each.event, Question)]
-    waiting = [each.event for each in within if isinstance(each.event, Answer)]
-    exchanges = []
-    for question in asked:
-        answer = next((each for each in waiting if each.name == question.name), None)
-        if answer is not None:
-            waiting.remove(answer)
-        exchanges.append(_exchange(question, answer))
-    return tuple(exchanges)
-
-
-def _exchange(question: Question, answer: Answer | None) -> Exchange:
-    return Exchange(
-        form=question.form,
-        text=question.text,
-        options=", ".join(question.options),
-        answer="" if answer is None else _answer(answer.value, question.unit),
-        by="" if answer is None else answer.by,
-    )
-
-
-def _answer(value: bool | float | str, unit: str) -> str:
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    return value if isinstance(value, str) else with_unit(number(value), unit)
 
 
 def _coverage(check: Check) -> str:
@@ -330,6 +226,7 @@ def _recording(begin: Recording, end: RecordingEnd | None) -> RecordingRow:
         gap=duration(end.gaps) if end else "",
         whole="not ended" if end is None else "complete" if end.complete else "incomplete",
         source=begin.source,
+        ids=(begin.recording,),
     )
 
 

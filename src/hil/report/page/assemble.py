@@ -7,11 +7,12 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 
 from hil.documents.canonical import parse_strict
-from hil.evidence.events import Case, Check, Event, Fed, NotRun, Orphan, Recording, Run
+from hil.evidence.events import Case, Chart, Check, Event, Fed, NotRun, Orphan, Recording, Run
 from hil.evidence.results.outcome import OTHERS, AttemptOutcome, CaseOutcome, Outcome, RequirementOutcome
 from hil.model.identity import Source
 from hil.model.verdict import Verdict
-from hil.report.drawing.checks import bounds_by_case, charts, short
+from hil.report.drawing.checks import short
+from hil.report.drawing.curves import chart_graphics
 from hil.report.drawing.panel import Graphic
 from hil.report.drawing.recordings import recording_graphics
 from hil.report.material import (
@@ -30,20 +31,21 @@ from hil.report.material import (
     unspoken,
 )
 from hil.report.numbers import duration, with_unit
-from hil.report.page.as_run import Placed, attributed, checks_of, fed_limits, recording_rows, step_rows, watched_rows
+from hil.report.page.as_run import Placed, attributed, checks_of, fed_limits, recording_rows, watched_rows
+from hil.report.page.grouping import case_groups, check_groups, headlines
 from hil.report.page.incidents import armings, guarded, happenings, people, safe_off
+from hil.report.page.steps import step_rows
 from hil.report.page.view import (
     BrokenRow,
     CaseName,
     CaseView,
     DocumentRow,
     Fact,
-    InstrumentRow,
     ParameterRow,
     RequirementRow,
     RunView,
-    WireRow,
 )
+from hil.report.page.wiring import instruments, wiring
 from hil.report.sentences import (
     closing_sentence,
     closings,
@@ -62,7 +64,6 @@ from hil.report.sentences import (
 __all__ = ["assemble", "facts"]
 
 _LONGEST = 300
-_CERTIFICATE = ("register", "number", "certificate")
 _BENCH = "bench/bench.yaml"
 # What an empty field of the software's identity says: no variable in the environment, no change beside the commit.
 _ABSENT = {"numeric": "not set", "workspace": "none"}
@@ -82,8 +83,9 @@ def assemble(material: Material, evidence_digest: str) -> RunView:
     placed, run, bench = attributed(events), results.run, parse(material.text(_BENCH), _BENCH)
     entries, names = requirement_entries(material), _names(results)
     counting = [each for each in placed if each.counted and isinstance(each.event, Check)]
-    checks = [each.event for each in counting if isinstance(each.event, Check)]
-    drawn = _drawn(material, events, checks, bench)
+    charts = [each.event for each in placed if each.counted and isinstance(each.event, Chart)]
+    drawn = _drawn(material, events, bench)
+    cases = _cases(placed, results, drawn)
     return RunView(
         title=", ".join(run.plans) if run else "",
         subject=subject(results),
@@ -105,9 +107,11 @@ def assemble(material: Material, evidence_digest: str) -> RunView:
         held=_held(results, names),
         requirements=tuple(_requirement(entry, entries.get(entry.id, {}), names) for entry in results.requirements),
         unspoken=unspoken(entries, {entry.id for entry in results.requirements}),
-        checks=checks_of(placed, names),
-        charts=charts(checks),
-        cases=_cases(placed, results, drawn),
+        headlines=headlines(counting),
+        charts=chart_graphics(charts),
+        checks=check_groups(placed, names),
+        cases=cases,
+        procedure=case_groups(cases),
         watched=watched_rows(placed),
         watched_graphics=drawn.get("", ()),
         fed=fed_limits(placed),
@@ -116,8 +120,8 @@ def assemble(material: Material, evidence_digest: str) -> RunView:
         armings=armings(events),
         safe=safe_off(events),
         safe_word=safe_word(results),
-        instruments=_instruments(bench, inner(_json(material, "bench/calibration.json"), "instruments")),
-        wiring=_wiring(bench),
+        instruments=instruments(bench, inner(_json(material, "bench/calibration.json"), "instruments")),
+        wiring=wiring(bench),
         people=people(run, placed),
         happenings=happenings(placed, names, guarded(material.guardian()), material.sent()),
         deviations=run.deviations if run else (),
@@ -129,13 +133,11 @@ def assemble(material: Material, evidence_digest: str) -> RunView:
     )
 
 
-def _drawn(
-    material: Material, events: Sequence[Event], checks: Sequence[Check], bench: Body
-) -> Mapping[str, tuple[Graphic, ...]]:
+def _drawn(material: Material, events: Sequence[Event], bench: Body) -> Mapping[str, tuple[Graphic, ...]]:
     """Return the drawings of the recordings by case, see `recording_graphics`."""
     begun = [event for event in events if isinstance(event, Recording)]
     fed = [event for event in events if isinstance(event, Fed)]
-    return recording_graphics(material, begun, bounds_by_case(checks), inners(bench, "envelope"), fed)
+    return recording_graphics(material, begun, inners(bench, "envelope"), fed, events[-1].t if events else 0.0)
 
 
 def facts(material: Material, run: Run | None, bench: Body, events: Sequence[Event]) -> tuple[Fact, ...]:
@@ -256,6 +258,8 @@ def _cases(
 
 
 def _case(place: int, entry: CaseOutcome, events: Sequence[Placed], graphics: tuple[Graphic, ...]) -> CaseView:
+    steps = step_rows(events)
+    told = [exchange for row in steps for exchange in row.exchanges]
     return CaseView(
         anchor=f"case-{place}",
         begun=entry.verdict is not Verdict.NOT_RUN or any(isinstance(each.event, Case) for each in events),
@@ -263,11 +267,19 @@ def _case(place: int, entry: CaseOutcome, events: Sequence[Placed], graphics: tu
         duration=duration(entry.duration),
         attempts=_attempts(entry.attempts),
         used=", ".join(f"{name} ({source})" for name, source in sorted(entry.used.items())),
-        steps=step_rows(events),
-        checks=checks_of(events, {}),
+        steps=steps,
+        tally=_tally(entry),
         recordings=recording_rows(events),
         graphics=graphics,
+        variant=entry.case.partition("[")[2].rstrip("]"),
+        answers=tuple(f"{each.answer or 'not answered'} by {each.by or 'nobody'}" for each in told),
     )
+
+
+def _tally(entry: CaseOutcome) -> str:
+    """Return how many checks of a case ended how, the worst first."""
+    counts = Counter(check.verdict for check in entry.checks)
+    return ", ".join(f"{counts[word]} {word}" for word in reversed(Verdict) if counts[word])
 
 
 def _attempts(attempts: Sequence[AttemptOutcome]) -> str:
@@ -291,60 +303,6 @@ def _not_run(events: Sequence[Event], results: Outcome) -> tuple[tuple[str, str,
         (entry.case, entry.title, said.get(entry.case) or "; ".join(entry.reasons))
         for entry in results.cases
         if entry.verdict is Verdict.NOT_RUN
-    )
-
-
-def _instruments(bench: Body, records: Body) -> tuple[InstrumentRow, ...]:
-    """Return the instruments of a bench file, in its order, then those read by hand, with their frozen calibrations."""
-    section = inner(bench, "instruments")
-    by_hand = sorted(name for name in records if name not in section)
-    return (
-        *(_instrument(name, inner(section, name), inner(records, name)) for name in section),
-        *(_instrument(name, _by_hand(inner(records, name)), inner(records, name)) for name in by_hand),
-    )
-
-
-def _by_hand(record: Body) -> Body:
-    return {"driver": "read by a person", "identity": {"serial": text(record, "serial")}}
-
-
-def _wiring(bench: Body) -> tuple[WireRow, ...]:
-    """Return the wiring of a bench file, in its order."""
-    return tuple(_wire(entry) for entry in inners(bench, "wiring"))
-
-
-def _instrument(name: str, entry: Body, record: Body) -> InstrumentRow:
-    calibration = record if text(record, "register") else inner(entry, "calibration")
-    identity = inner(entry, "identity")
-    return InstrumentRow(
-        name=name,
-        driver=text(entry, "driver"),
-        identity=" ".join(text(identity, key) for key in ("manufacturer", "model", "serial", "firmware")).strip(),
-        certificate=", ".join(part for part in (text(calibration, key) for key in _CERTIFICATE) if part),
-        due=text(calibration, "due"),
-        ranges=tuple(_range(item) for item in inners(calibration, "ranges")),
-        dut=text(entry, "dut") == "true",
-    )
-
-
-def _range(entry: Body) -> str:
-    unit = text(entry, "unit")
-    parts = [f"{text(entry, 'absolute') or '0'} {unit}".strip()]
-    if text(entry, "relative") not in {"", "0", "0.0"}:
-        parts.append(f"{text(entry, 'relative')} of the reading")
-    span = f"{text(entry, 'from')} to {text(entry, 'to')} {unit}".strip()
-    return f"{text(entry, 'quantity')} {span}: U = {' + '.join(parts)} (k = {text(entry, 'k') or '2'})"
-
-
-def _wire(entry: Body) -> WireRow:
-    shown = ("role", "instance", "instrument", "channel", "note")
-    rest = "; ".join(f"{key} {value}" for key, value in flat({k: v for k, v in entry.items() if k not in shown}))
-    channel = text(entry, "channel")
-    return WireRow(
-        name=".".join(part for part in (text(entry, "role"), text(entry, "instance")) if part),
-        instrument=text(entry, "instrument"),
-        channel="" if channel == "0" else channel,
-        note="; ".join(part for part in (text(entry, "note"), rest) if part),
     )
 
 

@@ -13,14 +13,17 @@ from hil.report.sentences import Closing
 __all__ = [
     "Arming",
     "BrokenRow",
+    "CaseGroup",
     "CaseName",
     "CaseView",
+    "CheckGroup",
     "CheckRow",
     "DocumentRow",
     "Exchange",
     "Fact",
     "GateRow",
     "Happening",
+    "Headline",
     "InstrumentRow",
     "ParameterRow",
     "RecordingRow",
@@ -103,6 +106,36 @@ class CheckRow:
     instruments: str
     behind: str
     closes_nothing: tuple[str, ...]
+    at: str = ""
+    bar: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CheckGroup:
+    """The checks of one parameter of one requirement, and what all of them share."""
+
+    requirement: str
+    parameter: str
+    limit: str
+    decision: str
+    rows: tuple[CheckRow, ...]
+    instruments: str
+    behind: str
+    closes_nothing: tuple[str, ...]
+    drawn: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Headline:
+    """A figure that the plan put on the first page: the value nearest its limit, or the range of several."""
+
+    name: str
+    value: str
+    at: str
+    among: str
+    limit: str
+    verdict: Verdict
+    requirement: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -130,6 +163,8 @@ class StepRow:
     effects: str
     recordings: tuple[str, ...]
     exchanges: tuple[Exchange, ...]
+    count: int = 1
+    lasted: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -146,6 +181,7 @@ class RecordingRow:
     gap: str
     whole: str
     source: str
+    ids: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -159,7 +195,19 @@ class CaseView:
     attempts: str
     used: str
     steps: tuple[StepRow, ...]
-    checks: tuple[CheckRow, ...]
+    tally: str
+    recordings: tuple[RecordingRow, ...]
+    graphics: tuple[Graphic, ...]
+    variant: str = ""
+    answers: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CaseGroup:
+    """A case, or several that differ in their parameters only and went alike; the steps are those of the first."""
+
+    cases: tuple[CaseView, ...]
+    steps: tuple[StepRow, ...]
     recordings: tuple[RecordingRow, ...]
     graphics: tuple[Graphic, ...]
 
@@ -185,6 +233,7 @@ class WireRow:
     instrument: str
     channel: str
     note: str
+    settings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -267,9 +316,11 @@ class RunView:
     documents: tuple[DocumentRow, ...]
     requirements: tuple[RequirementRow, ...]
     unspoken: tuple[tuple[str, str], ...]
-    checks: tuple[CheckRow, ...]
+    headlines: tuple[Headline, ...]
     charts: tuple[Graphic, ...]
+    checks: tuple[CheckGroup, ...]
     cases: tuple[CaseView, ...]
+    procedure: tuple[CaseGroup, ...]
     not_run: tuple[tuple[str, str, str], ...]
     orphans: tuple[str, ...]
     armings: tuple[Arming, ...]

@@ -1,0 +1,219 @@
+"""Charts that a plan chose for the first page: points with their bars, models, residuals and limits."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import groupby
+
+from hil.evidence.events import Chart, ChartCurve, ChartLimit
+from hil.report.drawing.panel import (
+    DISC,
+    WIDTH,
+    Graphic,
+    LogScale,
+    Panel,
+    Scale,
+    Sheet,
+    finite,
+    legend_height,
+    plain,
+    polyline,
+    spread,
+    width_of,
+)
+from hil.report.sentences import counted
+
+__all__ = ["chart_graphics", "draw_chart"]
+
+_HEIGHT, _RESIDUALS, _BETWEEN = 1_350, 560, 170
+_ABOVE, _BELOW = 60, 380
+_KINDS = 4
+_FINE = 64  # parts of a limit that is not level
+_NAME = 24
+
+Pair = tuple[float, float]
+
+
+def chart_graphics(charts: Sequence[Chart]) -> tuple[Graphic, ...]:
+    """Return the charts in order of appearance; those of one title and of the same axes are one.
+
+    Where a case was tried several times, the last curve of a name counts.
+    """
+    groups: dict[object, list[Chart]] = {}
+    for chart in charts:
+        groups.setdefault((chart.title, chart.x, chart.y, chart.log), []).append(chart)
+    return tuple(
+        Graphic(title=members[0].title, described=_told(merged), svg=draw_chart(merged))
+        for members in groups.values()
+        for merged in [_merged(members)]
+    )
+
+
+def draw_chart(chart: Chart) -> str:
+    """Return a chart as SVG: the curves over their limits, and where there are residuals a panel of them below."""
+    curves = [(kind % _KINDS, curve) for kind, curve in enumerate(chart.curves)]
+    known = [pair for curve in chart.curves for pair in _values(curve, log=chart.log)]
+    upper, lower = ([each for each in chart.limits if each.residual is below] for below in (False, True))
+    across = _ends([x for x, _ in known], 0.03, log=chart.log)
+    upward = _ends(_heights(chart.curves, known, upper, across, log=chart.log), 0.07, log=chart.log)
+    residuals = [each for curve in chart.curves for each in curve.residual if finite(each) is not None]
+    below = _ends([*(each for each in residuals if each is not None), *_edges(lower)], 0.12, log=False)
+    labels = [
+        *_scale(upward, 0, 1, log=chart.log).ticks(6),
+        *(_scale(below, 0, 1, log=False).ticks(3) if residuals else ()),
+    ]
+    left = 320 + max((width_of(label) for _, label in labels), default=0)
+    names = [plain(curve.name, _NAME) for curve in chart.curves] if len(chart.curves) > 1 else []
+    top = _ABOVE + legend_height(names, WIDTH - left - 100)
+    x = _scale(across, left, WIDTH - 100, log=chart.log)
+    main = Panel(x=x, y=_scale(upward, top + _HEIGHT, top, log=chart.log))
+    sheet = Sheet()
+    main.legend(sheet, [(f"mark k{kind}", name) for (kind, _), name in zip(curves, names, strict=False)])
+    _draw(sheet, main, curves, upper, residual=False, labelled=not residuals, chart=chart)
+    bottom = top + _HEIGHT
+    if residuals:
+        panel = Panel(x=x, y=_scale(below, bottom + _BETWEEN + _RESIDUALS, bottom + _BETWEEN, log=False))
+        left_over = [
+            (kind, ChartCurve(name=curve.name, x=curve.x, y=curve.residual)) for kind, curve in curves if curve.residual
+        ]
+        _draw(sheet, panel, left_over, lower, residual=True, labelled=True, chart=chart)
+        bottom += _BETWEEN + _RESIDUALS
+    return sheet.svg(chart.title, bottom + _BELOW)
+
+
+def _merged(members: Sequence[Chart]) -> Chart:
+    curves = {curve.name: curve for chart in members for curve in chart.curves}
+    limits = dict.fromkeys(limit for chart in members for limit in chart.limits)
+    first = members[0]
+    return Chart(
+        case=first.case,
+        step=first.step,
+        title=first.title,
+        x=first.x,
+        y=first.y,
+        curves=tuple(curves.values()),
+        limits=tuple(limits),
+        log=first.log,
+    )
+
+
+def _told(chart: Chart) -> str:
+    """Return what a chart shows, for the caption."""
+    parts = []
+    if any(curve.expanded for curve in chart.curves):
+        parts.append("bars are expanded uncertainties")
+    if any(curve.model_x for curve in chart.curves):
+        parts.append("lines are the fitted model")
+    if any(curve.residual for curve in chart.curves):
+        parts.append("below is what the model leaves")
+    if chart.limits:
+        named = ", ".join(dict.fromkeys(f"{each.requirement} {each.parameter}" for each in chart.limits))
+        parts.append(f"dashed is the limit of {named}")
+    points = sum(len(curve.x) for curve in chart.curves)
+    told = f"{counted(points, 'point')}; {'; '.join(parts)}" if parts else counted(points, "point")
+    return f"{told}."
+
+
+def _draw(
+    sheet: Sheet,
+    panel: Panel,
+    curves: Sequence[tuple[int, ChartCurve]],
+    limits: Sequence[ChartLimit],
+    *,
+    residual: bool,
+    labelled: bool,
+    chart: Chart,
+) -> None:
+    for limit in limits:
+        for edge, open_end in ((limit.max, panel.y.low), (limit.min, panel.y.high)):
+            if edge is not None:
+                _limit(sheet, panel, limit, edge, open_end)
+    unit = panel.x.titled("" if chart.x.unit == "1" else chart.x.unit)
+    panel.across(sheet, 6, labelled=labelled, title=" / ".join(part for part in (chart.x.name, unit) if part))
+    panel.upward(sheet, panel.y.ticks(3 if residual else 6), grid=True)
+    scaled = panel.y.titled("" if chart.y.unit == "1" else chart.y.unit)
+    panel.named(sheet, " / ".join(part for part in ("residual" if residual else chart.y.name, scaled) if part))
+    for kind, curve in curves:
+        _curve(sheet, panel, kind, curve)
+
+
+def _curve(sheet: Sheet, panel: Panel, kind: int, curve: ChartCurve) -> None:
+    log = isinstance(panel.y, LogScale)
+    for known, run in groupby(zip(curve.model_x, curve.model_y, strict=True), lambda pair: _drawable(pair, log=log)):
+        if known:
+            line = polyline((panel.x.at(x), panel.y.at(y)) for x, y in run if x is not None and y is not None)
+            sheet.path(f"line c{kind}", line)
+    bars = curve.expanded or (None,) * len(curve.x)
+    for x, y, bar in zip(curve.x, curve.y, bars, strict=True):
+        if x is None or y is None or not _drawable((x, y), log=log):
+            continue
+        place, middle = panel.x.at(x), panel.y.at(y)
+        if bar is not None:
+            sheet.path(
+                f"line c{kind}", f"M{place} {panel.y.at(y - bar if not log or y > bar else y)}V{panel.y.at(y + bar)}"
+            )
+        sheet.path(f"mark k{kind}", f"M{place} {middle}{DISC}")
+
+
+def _limit(sheet: Sheet, panel: Panel, limit: ChartLimit, edge: float, open_end: float) -> None:
+    """Draw one side of a limit as a dashed line, what it allows shaded where it is level."""
+    x = panel.x
+    if not limit.power:
+        other = limit.min if edge == limit.max and limit.min is not None else open_end
+        if edge == limit.max or limit.max is None:
+            sheet.area("band", (x.first, panel.y.at(edge)), (x.last, panel.y.at(other)))
+        sheet.line("limit", (x.first, panel.y.at(edge)), (x.last, panel.y.at(edge)))
+        return
+    ratio = x.high / x.low if x.low > 0 else 0.0
+    where = [x.low * ratio ** (part / _FINE) for part in range(_FINE + 1)] if ratio else []
+    sheet.path("limit", polyline((x.at(each), panel.y.at(edge * each**limit.power)) for each in where) if where else "")
+
+
+def _values(curve: ChartCurve, *, log: bool) -> Iterator[Pair]:
+    for x, y in (*zip(curve.x, curve.y, strict=True), *zip(curve.model_x, curve.model_y, strict=True)):
+        if x is not None and y is not None and _drawable((x, y), log=log):
+            yield x, y
+
+
+def _drawable(pair: tuple[float | None, float | None], *, log: bool) -> bool:
+    return all(each is not None and finite(each) is not None and (each > 0 or not log) for each in pair)
+
+
+def _heights(
+    curves: Iterable[ChartCurve], known: Iterable[Pair], limits: Sequence[ChartLimit], across: Pair, *, log: bool
+) -> list[float]:
+    """Return what the left axis has to show: values, their bars, and limits wherever they are."""
+    ends = [y for _, y in known]
+    for curve in curves:
+        for y, bar in zip(curve.y, curve.expanded, strict=False):
+            if y is not None and bar is not None:
+                ends += [end for end in (y - bar, y + bar) if end > 0 or not log]
+    ends += _edges([each for each in limits if not each.power])
+    if log:
+        ends += [
+            edge * end**each.power
+            for each in limits
+            if each.power
+            for edge in _edges([each])
+            for end in across
+            if end > 0
+        ]
+    return ends
+
+
+def _edges(limits: Iterable[ChartLimit]) -> list[float]:
+    return [edge for each in limits for edge in (each.min, each.max) if edge is not None]
+
+
+def _ends(values: Sequence[float], margin: float, *, log: bool) -> Pair:
+    if not log:
+        return spread(values, margin)
+    low, high = min(values, default=1.0), max(values, default=10.0)
+    if high <= low * 1.01:
+        return low / 3, high * 3
+    factor = (high / low) ** margin
+    return low / factor, high * factor
+
+
+def _scale(ends: Pair, first: int, last: int, *, log: bool) -> Scale:
+    return (LogScale if log else Scale)(low=ends[0], high=ends[1], first=first, last=last)
