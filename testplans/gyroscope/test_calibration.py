@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 
 from hil.analysis import (
@@ -104,8 +105,7 @@ def draw_bias(report, chart):
     """Draw the bias of every axis over temperature with its fit, and what the fit leaves."""
     for axis in AXES:
         fit = report.bias[axis]
-        low, high = min(fit.temperature), max(fit.temperature)
-        across = [low + (high - low) * part / 20 for part in range(21)]
+        across = np.linspace(fit.polynomial.low, fit.polynomial.high, 21)
         chart(
             "Bias over temperature",
             Curve(

@@ -13,6 +13,7 @@ from hil.clock.virtual import VirtualClock
 from hil.evidence.events import Event
 from hil.executive.cases.artifacts import Artifacts
 from hil.executive.cases.case_run import CaseRun
+from hil.executive.cases.charts import Charts
 from hil.executive.cases.checks import Checks
 from hil.executive.cases.effects import Effects
 from hil.executive.cases.escapes import Escapes
@@ -276,6 +277,7 @@ class Case:
             check=Checks(chosen, steps, self.written),
             record=Recorder(steps, self.scheduler, effects, self.store, Source.SIMULATED),
             artifact=Artifacts(steps, effects, self.written, folder / "data/attachments", set()),
+            chart=Charts(chosen, steps, self.written),
             operator=Operator(answers or Nobody(), effects, steps, self.written, self.scheduler.point, hand or {}),
             scheduler=self.scheduler,
             escapes=Escapes(

@@ -19,7 +19,8 @@ __all__ = ["command", "derived"]
 @click.command(name="report", epilog="Example: hil report reports/reference --output /tmp/report")
 @click.argument("run", metavar="RUN")
 @click.option("--output", type=click.Path(path_type=Path, file_okay=False), help="Write the derived files there.")
-def command(run: str, output: Path | None) -> int:
+@click.option("--pdf", type=click.Path(path_type=Path, dir_okay=False), help="Print the page to this file by a browser.")
+def command(run: str, output: Path | None, pdf: Path | None) -> int:
     """Derive the report of a package again, and compare it byte for byte with the one inside.
 
     A sealed package is never changed. It is verified first: the report of a damaged one says DAMAGED on every page and
@@ -39,6 +40,8 @@ def command(run: str, output: Path | None) -> int:
         click.echo(f"{name}: {word}")
         if output:
             _write(output, name, content)
+        if pdf and name == "report.html":
+            _print(content, pdf)
     return 0 if whole else 1
 
 
@@ -86,6 +89,13 @@ def _inside(path: Path) -> bytes | None:
         return None
     except OSError as error:
         raise EvidenceError(f"{path}: cannot be read: {error.strerror}", "hil verify shows what is wrong") from error
+
+
+def _print(page: bytes, pdf: Path) -> None:
+    from hil.report.printing import print_page  # noqa: PLC0415 - heavy
+
+    print_page(page, pdf)
+    click.echo(f"  printed to {pdf}")
 
 
 def _write(output: Path, name: str, content: bytes) -> None:

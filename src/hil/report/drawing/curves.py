@@ -30,6 +30,8 @@ _ABOVE, _BELOW = 60, 380
 _KINDS = 4
 _FINE = 64  # parts of a limit that is not level
 _NAME = 24
+_MANY = 40  # points of a curve, from which on they are small
+_SMALL = "m-16 0a16 16 0 1 0 32 0a16 16 0 1 0-32 0z"
 
 Pair = tuple[float, float]
 
@@ -51,7 +53,7 @@ def chart_graphics(charts: Sequence[Chart]) -> tuple[Graphic, ...]:
 
 def draw_chart(chart: Chart) -> str:
     """Return a chart as SVG: the curves over their limits, and where there are residuals a panel of them below."""
-    curves = [(kind % _KINDS, curve) for kind, curve in enumerate(chart.curves)]
+    curves = list(enumerate(chart.curves))
     known = [pair for curve in chart.curves for pair in _values(curve, log=chart.log)]
     upper, lower = ([each for each in chart.limits if each.residual is below] for below in (False, True))
     across = _ends([x for x, _ in known], 0.03, log=chart.log)
@@ -68,7 +70,7 @@ def draw_chart(chart: Chart) -> str:
     x = _scale(across, left, WIDTH - 100, log=chart.log)
     main = Panel(x=x, y=_scale(upward, top + _HEIGHT, top, log=chart.log))
     sheet = Sheet()
-    main.legend(sheet, [(f"mark k{kind}", name) for (kind, _), name in zip(curves, names, strict=False)])
+    main.legend(sheet, [(_mark(kind), name) for (kind, _), name in zip(curves, names, strict=False)])
     _draw(sheet, main, curves, upper, residual=False, labelled=not residuals, chart=chart)
     bottom = top + _HEIGHT
     if residuals:
@@ -142,7 +144,7 @@ def _curve(sheet: Sheet, panel: Panel, kind: int, curve: ChartCurve) -> None:
     for known, run in groupby(zip(curve.model_x, curve.model_y, strict=True), lambda pair: _drawable(pair, log=log)):
         if known:
             line = polyline((panel.x.at(x), panel.y.at(y)) for x, y in run if x is not None and y is not None)
-            sheet.path(f"line c{kind}", line)
+            sheet.path(_line(kind), line)
     bars = curve.expanded or (None,) * len(curve.x)
     for x, y, bar in zip(curve.x, curve.y, bars, strict=True):
         if x is None or y is None or not _drawable((x, y), log=log):
@@ -150,9 +152,18 @@ def _curve(sheet: Sheet, panel: Panel, kind: int, curve: ChartCurve) -> None:
         place, middle = panel.x.at(x), panel.y.at(y)
         if bar is not None:
             sheet.path(
-                f"line c{kind}", f"M{place} {panel.y.at(y - bar if not log or y > bar else y)}V{panel.y.at(y + bar)}"
+                _line(kind), f"M{place} {panel.y.at(y - bar if not log or y > bar else y)}V{panel.y.at(y + bar)}"
             )
-        sheet.path(f"mark k{kind}", f"M{place} {middle}{DISC}")
+        sheet.path(_mark(kind), f"M{place} {middle}{DISC if len(curve.x) <= _MANY else _SMALL}")
+
+
+def _line(kind: int) -> str:
+    return f"line c{kind % _KINDS} d{kind // _KINDS % _KINDS}"
+
+
+def _mark(kind: int) -> str:
+    """Return the class of a curve's points: from the fifth one on they are hollow, so that colours can come again."""
+    return f"mark{' hollow' if kind // _KINDS % 2 else ''} k{kind % _KINDS}"
 
 
 def _limit(sheet: Sheet, panel: Panel, limit: ChartLimit, edge: float, open_end: float) -> None:

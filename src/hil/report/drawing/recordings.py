@@ -177,6 +177,7 @@ def _drawn(
     title = names + (f" ({len(parts)} recordings)" if len(parts) > 1 else "")
     each = max(points // len(parts), 4)
     joined = [_joined([traces[place] for traces in parts], each) for place in range(len(parts[0]))]
+    moving = [trace for trace in joined if not _is_level(trace)]
     described = "; ".join(_told([traces[place] for traces in parts]) for place in range(len(parts[0])))
     if counting:
         described += "; shown where the limit counts"
@@ -185,7 +186,7 @@ def _drawn(
         level = with_unit(number(first.capture.level, 4), unit)
         described += f"; triggered by {first.capture.channel}, {first.capture.slope} through {level}"
     told = " · ".join(part for part in (short(first.case or ""), title) if part)
-    svg = draw_traces(told, joined, bands, first.capture, span)
+    svg = draw_traces(told, moving or joined, bands, first.capture, span)
     return (Graphic(title=title, described=f"{described}.", svg=svg),)
 
 
@@ -267,6 +268,12 @@ def _windows(current: Trace | None, flow: str, threshold: float) -> tuple[tuple[
     edges = np.diff(flows)
     begins, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - 1
     return tuple((float(current.times[a]), float(current.times[b])) for a, b in zip(begins, ends, strict=True) if b > a)
+
+
+def _is_level(trace: Trace) -> bool:
+    """Tell whether a channel stays where it is: then its number says all."""
+    known = trace.values[_drawable(trace.values)]
+    return len(known) == 0 or number(float(known.min()), 4) == number(float(known.max()), 4)
 
 
 def _told(pieces: Sequence[Trace]) -> str:

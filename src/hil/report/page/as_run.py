@@ -219,7 +219,7 @@ def _recording(begin: Recording, end: RecordingEnd | None) -> RecordingRow:
         id=begin.recording,
         name=begin.name,
         count=1,
-        channels="; ".join(map(_channel, begin.channels)),
+        channels=_channels(begin.channels),
         rate=f"{number(begin.rate)} Hz",
         duration=duration(begin.duration),
         rows=f"{end.rows:,}".replace(",", " ") if end else "",
@@ -230,5 +230,13 @@ def _recording(begin: Recording, end: RecordingEnd | None) -> RecordingRow:
     )
 
 
-def _channel(channel: Channel) -> str:
-    return f"{channel.name} [{channel.unit or '1'}]" + (f" from {channel.instrument}" if channel.instrument else "")
+def _channels(channels: Sequence[Channel]) -> str:
+    """Return the channels by unit and instrument: `x, y, z [uT], temperature [degC] from mag1`."""
+    by_instrument: dict[str | None, dict[str, list[str]]] = {}
+    for channel in channels:
+        by_instrument.setdefault(channel.instrument, {}).setdefault(channel.unit, []).append(channel.name)
+    return "; ".join(
+        ", ".join(f"{', '.join(names)}{f' [{unit}]' if unit not in {'', '1'} else ''}" for unit, names in units.items())
+        + (f" from {instrument}" if instrument else "")
+        for instrument, units in by_instrument.items()
+    )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from hil.documents.canonical import parse_strict
 from hil.evidence.events import Case, Chart, Check, Event, Fed, NotRun, Orphan, Recording, Run
@@ -39,8 +40,10 @@ from hil.report.page.view import (
     BrokenRow,
     CaseName,
     CaseView,
+    CheckRow,
     DocumentRow,
     Fact,
+    Happening,
     ParameterRow,
     RequirementRow,
     RunView,
@@ -82,8 +85,6 @@ def assemble(material: Material, evidence_digest: str) -> RunView:
     events, results = material.events(), material.results()
     placed, run, bench = attributed(events), results.run, parse(material.text(_BENCH), _BENCH)
     entries, names = requirement_entries(material), _names(results)
-    counting = [each for each in placed if each.counted and isinstance(each.event, Check)]
-    charts = [each.event for each in placed if each.counted and isinstance(each.event, Chart)]
     drawn = _drawn(material, events, bench)
     cases = _cases(placed, results, drawn)
     return RunView(
@@ -102,13 +103,13 @@ def assemble(material: Material, evidence_digest: str) -> RunView:
         common_proofs=common_proofs(results),
         facts=facts(material, run, inner(bench, "bench"), events),
         documents=_documents(material),
-        failed=tuple(row for row in checks_of(counting, names) if not row.verdict.good),
+        failed=_failed(placed, names),
         broken=_broken(results, names),
         held=_held(results, names),
         requirements=tuple(_requirement(entry, entries.get(entry.id, {}), names) for entry in results.requirements),
         unspoken=unspoken(entries, {entry.id for entry in results.requirements}),
-        headlines=headlines(counting),
-        charts=chart_graphics(charts),
+        headlines=headlines(placed),
+        charts=chart_graphics(_charts(placed)),
         checks=check_groups(placed, names),
         cases=cases,
         procedure=case_groups(cases),
@@ -123,7 +124,7 @@ def assemble(material: Material, evidence_digest: str) -> RunView:
         instruments=instruments(bench, inner(_json(material, "bench/calibration.json"), "instruments")),
         wiring=wiring(bench),
         people=people(run, placed),
-        happenings=happenings(placed, names, guarded(material.guardian()), material.sent()),
+        happenings=_told_once(happenings(placed, names, guarded(material.guardian()), material.sent()), entries),
         deviations=run.deviations if run else (),
         parameters=_parameters(material),
         software=_software(results, _json(material, "software.json"), _json(material, "place.json")),
@@ -192,6 +193,28 @@ def _span(run: Run | None, lasted: str) -> str:
 def _instant(stamp: str) -> str:
     """Return a stamp as a person reads it, to the second."""
     return f"{stamp[:10]} {stamp[11:19]}" if len(stamp) > 19 else stamp
+
+
+def _failed(placed: Sequence[Placed], names: Mapping[str, CaseName]) -> tuple[CheckRow, ...]:
+    """Return the checks of the last attempts that are not good."""
+    counting = [each for each in placed if each.counted and isinstance(each.event, Check)]
+    return tuple(row for row in checks_of(counting, names) if not row.verdict.good)
+
+
+def _charts(placed: Sequence[Placed]) -> list[Chart]:
+    return [each.event for each in placed if each.counted and isinstance(each.event, Chart)]
+
+
+def _told_once(found: Sequence[Happening], entries: Mapping[str, Body]) -> tuple[Happening, ...]:
+    """Return the incidents with one for all anomalies of requirements' sources, which stand beside the requirements."""
+    sources = [anomaly for entry in entries.values() if (anomaly := text(entry, "anomaly"))]
+    known = [each for each in found if each.kind == "anomaly" and any(each.text.endswith(own) for own in sources)]
+    if len(known) < 2:
+        return tuple(found)
+    told = f"{counted(len(known), 'source')} of requirements have an anomaly; section 3 tells it beside each of them"
+    first = replace(known[0], text=told, case=None)
+    rest = [first if each is known[0] else each for each in found if each is known[0] or each not in known]
+    return tuple(rest)
 
 
 def _documents(material: Material) -> tuple[DocumentRow, ...]:

@@ -6,13 +6,15 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 from hil.evidence.events import Check
-from hil.model.verdict import worst
+from hil.model.verdict import Verdict, worst
 from hil.report.drawing.checks import bounds_of, draw_bars, points_of
 from hil.report.numbers import number, with_unit
 from hil.report.page.as_run import Placed, check_row, ids, limit_of
 from hil.report.page.view import CaseGroup, CaseName, CaseView, CheckGroup, CheckRow, Headline, RecordingRow
 
 __all__ = ["case_groups", "check_groups", "headlines"]
+
+_MANY = 3
 
 
 def check_groups(events: Iterable[Placed], names: Mapping[str, CaseName]) -> tuple[CheckGroup, ...]:
@@ -31,7 +33,7 @@ def headlines(events: Iterable[Placed]) -> tuple[Headline, ...]:
     """Return what the plans put on the first page: of checks of one name that which lies nearest its limit."""
     groups: dict[str, list[Check]] = {}
     for each in events:
-        if isinstance(each.event, Check) and each.event.headline:
+        if isinstance(each.event, Check) and each.event.headline and each.counted:
             groups.setdefault(each.event.headline, []).append(each.event)
     return tuple(_headline(name, checks) for name, checks in groups.items())
 
@@ -146,12 +148,33 @@ def _group(found: Sequence[tuple[Placed, Check]], names: Mapping[str, CaseName])
         parameter=checks[0].parameter,
         limit=rows[0].limit,
         decision=rows[0].decision,
-        rows=tuple(_own(row, shared) for row in rows),
+        rows=tuple(_own(row, shared) for row in _alike_rows(rows, checks)),
         instruments=", ".join(dict.fromkeys(name for check in checks for name in check.instruments)),
         behind=", ".join(dict.fromkeys(name for check in checks for name in check.provenance or ())),
         closes_nothing=tuple(shared),
         drawn=any(bars),
     )
+
+
+def _alike_rows(rows: Sequence[CheckRow], checks: Sequence[Check]) -> Sequence[CheckRow]:
+    """Return one row for what several recordings had to be and are, and any other rows as they are."""
+    met = all(
+        check.verdict is Verdict.RECORDED and row.limit and not check.at
+        for row, check in zip(rows, checks, strict=True)
+    )
+    if len(rows) < _MANY or not met:
+        return rows
+    numbers = [check.value for check in checks if isinstance(check.value, int | float)]
+    value = rows[0].value
+    if len(numbers) == len(checks):
+        low, high = (number(end(numbers), 4) for end in (min, max))
+        value = with_unit(low if low == high else f"{low} to {high}", checks[0].unit)
+    least = min(range(len(rows)), key=lambda place: checks[place].margin or 0.0)
+    return [
+        replace(
+            rows[0], at=f"{len(rows)} recordings", value=value, margin=rows[least].margin, named=None, case="", step=""
+        )
+    ]
 
 
 def _own(row: CheckRow, shared: Sequence[str]) -> CheckRow:

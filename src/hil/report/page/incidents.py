@@ -91,7 +91,7 @@ def armings(events: Iterable[Event]) -> tuple[Arming, ...]:
     return tuple(
         Arming(
             title=f"{title}, at {bench_time(part[0].t)} of bench time" if len(found) > 1 else "",
-            gates=tuple(map(_gate, part)),
+            gates=_gates(part),
         )
         for title, part in found
     )
@@ -240,6 +240,20 @@ def _made_safe(fact: Body, outputs: str) -> str:
     if fact["ok"]:
         return f"the run made {outputs} safe"
     return f"NOT MADE SAFE by the run: {outputs}, which is not {fact['state']}: {fact['detail']}"
+
+
+def _gates(gates: Iterable[Gate]) -> tuple[GateRow, ...]:
+    """Return a row for each gate; neighbours that say the same of several of a kind, such as limits, share one."""
+
+    def same(row: GateRow) -> tuple[str, bool, bool, str]:
+        return row.name.partition(" ")[0], row.ok, row.tried, row.detail
+
+    rows = []
+    for (kind, ok, tried, detail), alike in groupby(map(_gate, gates), same):
+        first, *others = (row.name for row in alike)
+        names = ", ".join((first, *(name.removeprefix(f"{kind} ") for name in others)))
+        rows.append(GateRow(name=names, ok=ok, tried=tried, detail=detail))
+    return tuple(rows)
 
 
 def _gate(gate: Gate) -> GateRow:

@@ -1,0 +1,44 @@
+"""The report on paper: a campaign of 18 cases and a degradation fit the pages that a review board reads."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from hil.report.printing import BROWSERS
+
+ROOT = Path(__file__).parents[2]
+
+pytestmark = [
+    pytest.mark.system,
+    pytest.mark.skipif(not any(map(shutil.which, BROWSERS)), reason="needs a browser that prints"),
+]
+
+
+def hil(*arguments):
+    """Run the command line; the last line of its output is what it made."""
+    command = [sys.executable, "-m", "hil.cli", *arguments]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
+    return done.stdout.splitlines()[-1]
+
+
+@pytest.mark.parametrize(
+    ("run", "most"),
+    [
+        (("magnetorquer", "--bench", "adcs", "--dut", "SIM-ADCS-1"), 12),
+        (("battery_degradation", "--bench", "battery", "--dut", "SIM-BAT-1", "--parameter", "cycles=8"), 10),
+    ],
+)
+def test_a_report_fits_its_pages(tmp_path, run, most):
+    """Equal steps and cases are folded, so that more cycles are no more pages; nothing is printed beside the page."""
+    folder = hil("run", *run, "--source", "simulated", "--output", str(tmp_path / "reports"))
+    pdf = tmp_path / "report.pdf"
+    hil("report", folder, "--pdf", str(pdf))
+    pages = re.findall(rb"/Type\s*/Page\b", pdf.read_bytes())
+    assert 3 <= len(pages) <= most
