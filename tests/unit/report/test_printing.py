@@ -34,7 +34,9 @@ def test_without_a_browser_it_says_what_to_install(tmp_path, monkeypatch):
 
 def test_what_a_browser_printed_is_kept(place):
     """It is given the page as a file, and the PDF is copied to where it was asked for."""
-    browser(place, 'for each in "$@"; do case $each in --print-to-pdf=*) printf "%%PDF-1.4" > "${each#*=}";; esac; done')
+    browser(
+        place, 'for each in "$@"; do case $each in --print-to-pdf=*) printf "%%PDF-1.4" > "${each#*=}";; esac; done'
+    )
     print_page(b"<p>", place / "a.pdf")
     assert (place / "a.pdf").read_bytes() == b"%PDF-1.4"
     with pytest.raises(Refused, match="cannot be written"):
