@@ -40,6 +40,14 @@ def test_a_power_board_is_accepted_as_told(tmp_path):
 
 @pytest.mark.system
 @pytest.mark.timeout(600)
+def test_a_workspace_is_started_as_told(tmp_path):
+    """In an empty folder, the commands of the guide make a workspace whose plan passes."""
+    steps = steps_of(DOCS / "how-to" / "start-a-workspace.md")
+    assert follow(steps, tmp_path) == ""
+
+
+@pytest.mark.system
+@pytest.mark.timeout(600)
 def test_a_plan_is_written_as_told(tmp_path):
     """In an empty folder, the files and commands of the guide make a plan that runs."""
     steps = steps_of(DOCS / "how-to" / "write-a-plan.md")

@@ -30,6 +30,7 @@ COMMANDS: Mapping[str, str] = {
     "bench": "Check a bench, make it safe, or set up its computer.",
     "export": "Export the recordings of a package as CSV or MATLAB files.",
     "hold": "Hold a run in progress, or release it.",
+    "init": "Make a workspace that runs at once.",
     "ledger": "Check the ledger of the packages, and print its head.",
     "note": "Add a note to a run in progress.",
     "plan": "Print what plans do, drive and record, and how long they take.",
