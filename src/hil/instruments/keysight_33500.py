@@ -15,7 +15,7 @@ from hil.instruments import settings
 from hil.instruments.driver import Outlet
 from hil.instruments.marks import drives, reads
 from hil.instruments.role import Role
-from hil.instruments.scpi_instrument import ScpiInstrument, ScpiTerminals, SwitchedSpeech
+from hil.instruments.scpi_instrument import ReadBack, ScpiInstrument, ScpiTerminals, SwitchedSpeech
 from hil.instruments.scpi_session import as_number, as_switch, as_text
 from hil.instruments.signal_roles import FUNCTION_GENERATOR
 from hil.model.bench import Proof, Wire
@@ -54,9 +54,7 @@ class GeneratorOutput(ScpiTerminals):
         self._session.setting(f"OUTP{self._channel}:LOAD INF")
         if not math.isnan(self._session.query(f"OUTP{self._channel}:LOAD?", as_number)):
             raise Rejected(self._device, f"{self._name} counts on a load", "set its load to high impedance")
-        self._session.setting(f"SOUR{self._channel}:FUNC {_SHAPES[shape]}")
-        if (found := self._session.query(f"SOUR{self._channel}:FUNC?", as_text)) != _SHAPES[shape]:
-            raise Rejected(self._device, f"{self._name}: {shape} reads back {found}", "check its front panel")
+        self._read_back.word(f"SOUR{self._channel}:FUNC", _SHAPES[shape])
         if shape != "dc":
             self._take("FREQ", frequency)
             self._take("VOLT", amplitude)
@@ -87,14 +85,11 @@ class GeneratorOutput(ScpiTerminals):
         return self._session.query(f"SOUR{self._channel}:{what}?", as_number)
 
     def _take(self, what: str, value: float) -> None:
-        self._session.setting(f"SOUR{self._channel}:{what} {value:.9g}")
-        taken = self._asked(what)
-        if not abs(taken - value) <= max(_CLOSE, 1e-6 * abs(value)):
-            raise Rejected(
-                self._device,
-                f"{self._name}: {what} was set to {value:g} and reads back {taken:g}",
-                "check the ranges of its model, and whether somebody works at its front panel",
-            )
+        self._read_back.number(f"SOUR{self._channel}:{what}", value, _CLOSE)
+
+    @property
+    def _read_back(self) -> ReadBack:
+        return ReadBack(self._name, self._device, self._session)
 
 
 class Keysight33500(ScpiInstrument):

@@ -22,7 +22,7 @@ from hil.instruments import settings
 from hil.instruments.driver import Outlet
 from hil.instruments.marks import reads
 from hil.instruments.sampled import Channel, StreamReport
-from hil.instruments.scpi_instrument import ScpiInstrument, Speech
+from hil.instruments.scpi_instrument import ReadBack, ScpiInstrument, Speech
 from hil.instruments.scpi_session import ScpiSession, as_number, as_register, as_text
 from hil.model.bench import Wire
 from hil.model.errors import NoReply, Refused, Rejected
@@ -89,6 +89,7 @@ class DaqInputs:
         self, name: str, device: str, session: ScpiSession, clock: Clock, inputs: Sequence[_Input], asked: DaqSettings
     ) -> None:
         self._name, self._device, self._session, self._clock = name, device, session, clock
+        self._settings = ReadBack(name, device, session)
         self._inputs, self._asked = tuple(inputs), asked
         self._rate = 0.0
         self._rows: list[list[float]] = []
@@ -142,8 +143,8 @@ class DaqInputs:
             raise Refused(f"{self._name}: the timer has steps of 1 ms, and none for {rate:g} Hz",
                           f"record at {1 / timer_s:.6g} Hz")  # fmt: skip
         self._set_up(self._inputs)
-        self._word("TRIG:SOUR", "TIM")
-        self._number("TRIG:TIM", timer_s)
+        self._settings.word("TRIG:SOUR", "TIM")
+        self._settings.number("TRIG:TIM", timer_s, _TIMER_S / 2)
         self._session.setting("TRIG:COUN INF")
         self._rows, self._sweep, self._newest = [], [], None
         self._lost = self._frames = 0
@@ -192,7 +193,7 @@ class DaqInputs:
         if self._rate:
             raise Refused(f"{self._name} is being recorded", "take what you need from the recording's rows")
         self._set_up(inputs)
-        self._word("TRIG:SOUR", "IMM")
+        self._settings.word("TRIG:SOUR", "IMM")
         self._session.setting("TRIG:COUN 1")
         self._session.setting("INIT")
         self._clock.sleep(self._lasts_s(inputs))
@@ -252,16 +253,6 @@ class DaqInputs:
             )
         for setting in ("TIME ON", "TIME:TYPE REL", "CHAN ON", "UNIT OFF", "ALAR OFF"):
             session.setting(f"FORM:READ:{setting}")
-
-    def _word(self, header: str, word: str) -> None:
-        self._session.setting(f"{header} {word}")
-        if (found := self._session.query(f"{header}?", as_text)) != word:
-            raise Rejected(self._device, f"`{header}` was set to {word} and reads back {found}", "leave it alone")
-
-    def _number(self, header: str, value: float) -> None:
-        self._session.setting(f"{header} {value:.3f}")
-        if not math.isclose(found := self._session.query(f"{header}?", as_number), value, abs_tol=_TIMER_S / 2):
-            raise Rejected(self._device, f"`{header}` was set to {value:g} and reads back {found:g}", "leave it alone")
 
 
 class Keysight34970a(ScpiInstrument):

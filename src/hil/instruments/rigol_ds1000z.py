@@ -16,14 +16,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, cast
 
 from hil.instruments import settings
-from hil.instruments.driver import TERMINATED, Connection, Outlet
+from hil.instruments.driver import Connection, Outlet
 from hil.instruments.marks import begins, drives, reads
 from hil.instruments.sampled import Channel, Frame, Screen
 from hil.instruments.scpi_block import BlockSession
-from hil.instruments.scpi_session import as_number, as_switch, as_text
+from hil.instruments.scpi_instrument import ReadBack, ScpiInstrument, Speech
+from hil.instruments.scpi_session import as_number
 from hil.model.bench import Wire
 from hil.model.errors import Garbled, Refused, Rejected
-from hil.model.identity import Identity
 from hil.model.notation import AnyText, Positive, one_of
 
 if TYPE_CHECKING:
@@ -106,6 +106,7 @@ class RigolScope:
         self._name = name
         self._device = connection.device
         self._session = session
+        self._settings = ReadBack(name, connection.device, session)
         self._clock = connection.clock
         self._inputs = {each.name: each for each in inputs}
         self._window: tuple[float, float] | None = None
@@ -126,11 +127,11 @@ class RigolScope:
         if coupling not in {"DC", "AC", "GND"}:
             raise Refused(f"{self._name}: unknown coupling '{coupling}'", "it is DC, AC or GND")
         header = f":CHAN{found.number}"
-        self._word(f"{header}:UNIT", _UNITS[found.unit])
-        self._number(f"{header}:PROB", found.probe, 0.0)
-        self._word(f"{header}:COUP", coupling)
-        self._number(f"{header}:SCAL", step, 1e-3 * step)
-        self._number(f"{header}:OFFS", 0.0 - offset, step / _COUNTS)
+        self._settings.word(f"{header}:UNIT", _UNITS[found.unit])
+        self._settings.number(f"{header}:PROB", found.probe, 0.0)
+        self._settings.word(f"{header}:COUP", coupling)
+        self._settings.number(f"{header}:SCAL", step, 1e-3 * step)
+        self._settings.number(f"{header}:OFFS", 0.0 - offset, step / _COUNTS)
         self._armed = False
 
     @drives
@@ -152,12 +153,12 @@ class RigolScope:
         depth = self._depth(points * scale * _DIVISIONS / span)
         self._session.setting(":RUN")
         for number in _CHANNELS:
-            self._switch(f":CHAN{number}:DISP", any(each.number == number for each in self._inputs.values()))
-        self._word(":TIM:MODE", "MAIN")
-        self._number(":TIM:MAIN:SCAL", scale, 1e-3 * scale)
-        self._number(":TIM:MAIN:OFFS", (after - before) / 2, scale / 50)
-        self._word(":ACQ:TYPE", "NORM")
-        self._number(":ACQ:MDEP", depth, 0.0)
+            self._settings.switch(f":CHAN{number}:DISP", any(each.number == number for each in self._inputs.values()))
+        self._settings.word(":TIM:MODE", "MAIN")
+        self._settings.number(":TIM:MAIN:SCAL", scale, 1e-3 * scale)
+        self._settings.number(":TIM:MAIN:OFFS", (after - before) / 2, scale / 50)
+        self._settings.word(":ACQ:TYPE", "NORM")
+        self._settings.number(":ACQ:MDEP", depth, 0.0)
         self._window, self._fill_s, self._armed = (before, after), scale * _DIVISIONS, False
 
     @drives
@@ -166,11 +167,11 @@ class RigolScope:
         found = self._input(source)
         if slope not in _SLOPES:
             raise Refused(f"{self._name}: unknown slope '{slope}'", "it is rising or falling")
-        self._word(":TRIG:MODE", "EDGE")
-        self._word(":TRIG:EDG:SOUR", f"CHAN{found.number}")
-        self._word(":TRIG:EDG:SLOP", _SLOPES[slope])
+        self._settings.word(":TRIG:MODE", "EDGE")
+        self._settings.word(":TRIG:EDG:SOUR", f"CHAN{found.number}")
+        self._settings.word(":TRIG:EDG:SLOP", _SLOPES[slope])
         scale = self._session.query(f":CHAN{found.number}:SCAL?", as_number)
-        self._number(":TRIG:EDG:LEV", level, scale / _COUNTS)
+        self._settings.number(":TRIG:EDG:LEV", level, scale / _COUNTS)
         self._trigger = (source, level, cast("Literal['rising', 'falling']", slope))
         self._armed = False
 
@@ -287,51 +288,14 @@ class RigolScope:
         most = _DEPTHS[-1] // shared
         raise Refused(f"{self._name}: {points:.0f} points do not fit its memory", f"{most} do; ask for fewer")
 
-    def _word(self, header: str, word: str) -> None:
-        self._session.setting(f"{header} {word}")
-        self._same(header, word, self._session.query(f"{header}?", as_text))
 
-    def _switch(self, header: str, on: bool) -> None:
-        self._session.setting(f"{header} {'ON' if on else 'OFF'}")
-        self._same(header, on, self._session.query(f"{header}?", as_switch))
-
-    def _number(self, header: str, value: float, tolerance: float) -> None:
-        self._session.setting(f"{header} {value:.9g}")
-        found = self._session.query(f"{header}?", as_number)
-        if not abs(found - value) <= tolerance + 1e-6 * abs(value):
-            self._same(header, value, found)
-
-    def _same(self, header: str, asked: object, found: object) -> None:
-        if asked != found:
-            raise Rejected(
-                self._device,
-                f"{self._name}: `{header}` was set to {asked} and reads back {found}",
-                "check its ranges, and whether somebody works at its front panel",
-            )
-
-
-class RigolDs1000z:
+class RigolDs1000z(ScpiInstrument):
     """Driver `rigol-ds1000z`: role `oscilloscope`, of all its channels together. It is never reset."""
 
     roles: ClassVar[frozenset[str]] = frozenset({"oscilloscope"})
-    capabilities: ClassVar[frozenset[str]] = frozenset({TERMINATED})
+    speech: ClassVar[Speech] = Speech(driver="rigol-ds1000z", error_query=":SYST:ERR?", blocks=True)
 
-    def __init__(self, connection: Connection) -> None:
-        if connection.port is None:
-            raise Refused(f"{connection.device}: the driver rigol-ds1000z needs a port", "give it `port:`")
-        self._connection = connection
-        self._session = BlockSession(
-            connection.device,
-            connection.port,
-            terminator=connection.terminator or b"\n",
-            timeout=connection.timeout,
-            error_query=":SYST:ERR?",
-        )
-
-    def identify(self) -> Identity:
-        """Ask `*IDN?`."""
-        manufacturer, model, serial, firmware = self._session.identification()
-        return Identity(manufacturer=manufacturer, model=model, serial=serial, firmware=firmware)
+    _session: BlockSession
 
     def outlets(self) -> Sequence[Outlet]:
         """Return none: it drives nothing."""
@@ -341,13 +305,9 @@ class RigolDs1000z:
         """Return the oscilloscope with the channels that the wire names."""
         settings.fits(wire, "rigol-ds1000z", self.roles)
         told = settings.read(wire, ScopeWire)
-        inputs = [
-            _Input(
-                number, getattr(told, f"ch{number}"), getattr(told, f"probe{number}"), getattr(told, f"unit{number}")
-            )
-            for number in _CHANNELS
-            if getattr(told, f"ch{number}")
-        ]
+        parts = ("ch", "probe", "unit")
+        of_each = [(number, *(getattr(told, f"{part}{number}") for part in parts)) for number in _CHANNELS]
+        inputs = [_Input(*each) for each in of_each if each[1]]
         if len({each.name for each in inputs}) < len(inputs):
             raise settings.wrong(wire, f"ch{inputs[-1].number}", "has the name of another channel")
         if not inputs:

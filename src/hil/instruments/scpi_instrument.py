@@ -13,13 +13,14 @@ from hil.instruments.marks import drives, reads
 from hil.instruments.pacing import PacedPort
 from hil.instruments.role import Role
 from hil.instruments.safing import NUMBER, must_be_state, own_bounds
-from hil.instruments.scpi_session import ClosedSession, ScpiSession, as_quantity, as_switch
+from hil.instruments.scpi_block import BlockSession
+from hil.instruments.scpi_session import ClosedSession, ScpiSession, as_number, as_quantity, as_switch, as_text
 from hil.model.bench import Proof
 from hil.model.errors import Refused, Rejected
 from hil.model.identity import Identity
 from hil.model.safing import Exchange, SafeBytes
 
-__all__ = ["OFF", "ScpiInstrument", "ScpiTerminals", "Speech", "SwitchedSpeech"]
+__all__ = ["OFF", "ReadBack", "ScpiInstrument", "ScpiTerminals", "Speech", "SwitchedSpeech"]
 
 OFF = rb"\+?0|(?i:OFF)"
 """What a reply looks like that means off, as a regular expression; nothing that means on matches it."""
@@ -39,6 +40,7 @@ class Speech:
         framed: whether a question may stand in a line with `*IDN?`.
         fields: the most fields of an identification.
         pause_s: what the instrument needs between lines [s].
+        blocks: whether it gives blocks of bytes, in a session that is not framed: `BlockSession`.
     """
 
     driver: str
@@ -46,6 +48,7 @@ class Speech:
     framed: bool = False
     fields: int = 4
     pause_s: float = 0.0
+    blocks: bool = False
 
 
 def _as_state(reply: str, channel: int) -> bool:
@@ -78,6 +81,44 @@ class SwitchedSpeech(Speech):
     is_on: str
     as_state: Callable[[str, int], bool] = _as_state
     says_off: Callable[[int], bytes] = _says_off
+
+
+class ReadBack:
+    """Settings that are sent, and must read back as they were sent.
+
+    Args:
+        name: the wire's dotted name.
+        device: the instrument's name, for messages.
+        session: its session.
+    """
+
+    def __init__(self, name: str, device: str, session: ScpiSession) -> None:
+        self._name, self._device, self._session = name, device, session
+
+    def word(self, header: str, word: str) -> None:
+        """Set a word; Rejected where another one reads back."""
+        self._session.setting(f"{header} {word}")
+        self._same(header, word, self._session.query(f"{header}?", as_text))
+
+    def switch(self, header: str, on: bool) -> None:
+        """Switch something; Rejected where it reads back otherwise."""
+        self._session.setting(f"{header} {'ON' if on else 'OFF'}")
+        self._same(header, on, self._session.query(f"{header}?", as_switch))
+
+    def number(self, header: str, value: float, tolerance: float = 0.0) -> None:
+        """Set a number; Rejected where what reads back is farther from it than a tolerance and rounding."""
+        self._session.setting(f"{header} {value:.9g}")
+        found = self._session.query(f"{header}?", as_number)
+        if not abs(found - value) <= tolerance + 1e-6 * abs(value):
+            self._same(header, f"{value:g}", f"{found:g}")
+
+    def _same(self, header: str, asked: object, found: object) -> None:
+        if asked != found:
+            raise Rejected(
+                self._device,
+                f"{self._name}: `{header}` was set to {asked} and reads back {found}",
+                "check its ranges, and whether somebody works at its front panel",
+            )
 
 
 class ScpiTerminals:
@@ -186,7 +227,7 @@ class ScpiInstrument:
             raise Refused(f"{connection.device}: the driver {speech.driver} needs a port", "give it `port:`")
         self._connection = connection
         paced = PacedPort(port, connection.clock, speech.pause_s) if speech.pause_s else port
-        session = ScpiSession if speech.framed else ClosedSession
+        session = BlockSession if speech.blocks else ScpiSession if speech.framed else ClosedSession
         self._session = session(
             connection.device,
             paced,
