@@ -87,7 +87,7 @@ class TappedPort(_Tap):
         timeout: seconds that a read waits, 2 at most; beyond 0.5 in several operations of equal length.
 
     Attributes:
-        silences: how often a read ended without a byte.
+        silences: how often a read that waited for long, as one does for a reply, ended without a byte.
     """
 
     def __init__(
@@ -104,6 +104,7 @@ class TappedPort(_Tap):
         self._ahead = bytearray()
         self._timeout = self._slice_s = -1.0
         self._slices = 1
+        self._waits = False
         self.silences = 0
         self.timeout = timeout
 
@@ -117,6 +118,7 @@ class TappedPort(_Tap):
         if not 0 <= seconds <= LONGEST_WAIT:
             raise ValueError(f"{self.device}: a timeout is 0 to {LONGEST_WAIT:g} s, not {seconds}")
         self._timeout = seconds
+        self._waits = seconds >= LONGEST_TRANSACTION / 2
         self._slices = max(1, math.ceil(seconds / LONGEST_TRANSACTION))
         self._slice_s = seconds / self._slices
 
@@ -155,7 +157,7 @@ class TappedPort(_Tap):
         self._note(self.device, "exchange", start_ns, self._now_ns(), data, received)
         if not received and (first := self._read_on(1)):
             received = first + self.read(self.in_waiting)
-        self.silences += not received
+        self.silences += self._waits and not received
         return received
 
     def read(self, size: int = 1) -> bytes:
@@ -199,7 +201,7 @@ class TappedPort(_Tap):
         data = self._read_once(size)
         if self._slices > 1 and len(data) < size:
             data += self._read_on(size - len(data))
-        self.silences += not data
+        self.silences += self._waits and not data
         return data
 
     def _read_on(self, size: int) -> bytes:

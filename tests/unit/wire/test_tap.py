@@ -67,6 +67,13 @@ def test_a_late_reply_is_waited_for_in_operations_of_half_a_second(ask, after_s,
     assert port.silences == (0 if came else 1)
 
 
+def test_a_moment_in_which_nothing_comes_is_no_silence():
+    """A line is listened to in pieces, or until it is quiet, without that a reply is missing."""
+    port, _, _ = slow(0.3, 0.1)
+    assert asked(port) == b""
+    assert port.silences == 0
+
+
 def test_nothing_is_waited_for_longer_than_two_seconds():
     """Nor for less than none."""
     for seconds in (-0.1, 2.1):

@@ -22,7 +22,7 @@ BANNER_S = 2.5
 """The longest time from a reset to its banner; the bootloader takes 1.6 s."""
 
 _STATUS_S = 5.5
-_PIECE_S = 0.5
+_PIECE_S = 2.0  # the port waits so long in several operations
 _LEAST_S = 1e-9  # a difference of times may be less by rounding, and no clock would get past it
 MOST_BYTES = 4096
 """What the buffer of a line holds."""
