@@ -123,6 +123,20 @@ def test_lost_readings_leave_their_time_empty():
         assert role.end().lost == 2
 
 
+def test_a_scan_that_somebody_ends_is_a_fault():
+    """Instead of a recording that waits for ever."""
+    with daq() as (role, driver, clock):
+        role.begin(2.0)
+        clock.sleep(2.0)
+        driver._session.setting("ABOR")
+        assert len(role.drain()) == 4
+        clock.sleep(1.5)
+        assert len(role.drain()) == 0
+        clock.sleep(0.5)
+        with pytest.raises(NoReply, match="no sweep has ended for 2"):
+            role.drain()
+
+
 def test_what_it_cannot_do_is_refused():
     """A channel without a module, wires that do not read, and a scan list that another program has."""
     for settings, message in (

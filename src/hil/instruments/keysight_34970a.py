@@ -46,6 +46,7 @@ _TIMER_S = 1e-3
 _MEMORY = 50_000
 _MOST_READINGS = 40  # a request; their 1400 bytes come in time from 57600 baud on
 _LONGEST_PAUSE_S = 2.0
+_SILENCE_S = 1.0
 
 _Reading = tuple[float, float, int]
 
@@ -96,7 +97,7 @@ class DaqInputs:
         self._sweep: list[_Reading] = []
         self._newest: float | None = None
         self._lost = self._frames = 0
-        self._late = 0.0
+        self._late = self._heard = 0.0
 
     def channels(self) -> tuple[Channel, ...]:
         """Return every input, and for all but the first how long after the row's time it was read, `NAME_after`."""
@@ -150,10 +151,15 @@ class DaqInputs:
         self._lost = self._frames = 0
         before = self._clock.now()
         self._session.setting("INIT")
-        self._late, self._rate = self._clock.now() - before, rate
+        self._heard = self._clock.now()
+        self._late, self._rate = self._heard - before, rate
 
     def drain(self) -> NDArray[np.float64]:
-        """Take what has come out of the memory; see `hil.instruments.sampled.Streamed`."""
+        """Take what has come out of the memory; see `hil.instruments.sampled.Streamed`.
+
+        Raises:
+            NoReply: the scan does not go on.
+        """
         import numpy as np  # noqa: PLC0415 - slow to import
 
         waiting = self._session.query("DATA:POIN?", as_register)
@@ -163,6 +169,12 @@ class DaqInputs:
                 self._sort(reading)
             waiting -= count
         rows, self._rows = self._rows, []
+        silent_s = self._clock.now() - self._heard
+        if rows:
+            self._heard += silent_s
+        elif silent_s > 1 / self._rate + self._lasts_s(self._inputs) + _SILENCE_S:
+            message = f"{self._name}: no sweep has ended for {silent_s:.3g} s"
+            raise NoReply(self._device, message, "check whether another wire, program or person has ended its scan")
         return np.array(rows).reshape(len(rows), 1 + len(self.channels()))
 
     def end(self) -> StreamReport:
