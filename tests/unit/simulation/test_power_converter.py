@@ -122,6 +122,19 @@ def test_looking_changes_nothing_and_a_restored_board_goes_on_alike():
     assert watched.state() == quiet.state()
 
 
+@pytest.mark.parametrize("inputs", [{"mode": "CC", "level": 2.0}, {"given": 0.0}, {"contact": False}])
+def test_at_rest_it_moves_no_more(inputs):
+    """Under load, off or separated: nothing is left to compute, however long it lasts."""
+    plant = board(bleeder="2200")
+    since_ns = close(plant)
+    plant.advance(since_ns + 500 * MS)
+    plant.command(**inputs)
+    plant.advance(since_ns + 20_000 * MS)
+    rest = plant.state()["moments"]
+    plant.advance(since_ns + 60_000 * MS)
+    assert plant.state()["moments"] == rest
+
+
 def test_a_truth_that_cannot_be_is_refused():
     """A converter that stops above the voltage at which it starts."""
     with pytest.raises(TruthError, match="has to be below `starts`"):

@@ -20,6 +20,12 @@ __all__ = ["MODEL", "ConverterTruth", "InputTruth", "PowerConverter", "build"]
 
 _MOST_REGIMES = 16
 """In one grid step; each has its own solution."""
+_EMPTY = 1e-6
+"""A capacitor with less [V] is empty."""
+
+_RAMPS = 40.0
+"""After so many time constants the ramp is over to the last digit."""
+
 _BEGUN = 1e-12
 """Time since the input was high enough, at the instant at which it becomes so."""
 
@@ -120,7 +126,8 @@ class PowerConverter(Plant):
             if dt <= 0.0:
                 break
             volts, age, dt = self._within_regime(volts, age, inputs, draw, dt)
-        return volts, age
+        # A board at rest shall have a state that no longer changes, so that nothing has to be computed for it.
+        return volts if volts > _EMPTY else 0.0, min(age, self._truth.delay + _RAMPS * self._truth.rise)
 
     def signal(self, name: str, state: Vector, inputs: Inputs, at: float) -> float:
         """Return voltage or current at the supply, at the capacitor, or at the load."""
