@@ -86,17 +86,25 @@ def test_bytes_take_the_time_of_their_bits_both_ways():
 
 
 def test_what_nobody_fetches_overflows_and_is_counted():
-    """The host's side holds four kilobytes; what comes besides is lost, and so is what comes while nobody is there."""
+    """A serial host holds four kilobytes; what comes besides is lost, and so is what comes while nobody is there."""
     peer = EchoPeer()
-    line, clock = line_with(peer, 0)
+    line, clock = line_with(peer, 115200)
     line.send(b"a" * 4000)
     line.send(b"b" * 1000)
-    clock.wait_until(MS)
+    clock.wait_until(1000 * MS)
     assert (len(line.outbox), line.lost) == (4096, 904)
     line.closed()
     line.send(b"c")
-    clock.wait_until(2 * MS)
+    clock.wait_until(2000 * MS)
     assert not line.outbox
+
+
+def test_a_network_loses_nothing_of_a_long_reply():
+    """A block of an oscilloscope is far longer than a serial host's buffer."""
+    line, clock = line_with(EchoPeer(), 0)
+    line.send(b"#9000250000" + b"x" * 250_000)
+    clock.wait_until(MS)
+    assert (len(line.outbox), line.lost) == (250_011, 0)
 
 
 def test_a_network_takes_a_burst_at_once_and_a_flood_slowly():

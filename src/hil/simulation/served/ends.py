@@ -44,6 +44,9 @@ def look(watches: Iterable[Watch], seconds: float) -> list[Watch]:
 
 _BITS_PER_BYTE = 10
 _BUFFER = 4096
+_NETWORK_BUFFER = 1 << 20
+"""A network drops nothing: what a client has not fetched waits in the instrument, whose replies are shorter."""
+
 _PIECE = 256
 _NETWORK_NS_PER_BYTE = 100_000
 _NETWORK_AHEAD_NS = 100_000_000
@@ -54,7 +57,7 @@ class ServedLine:
 
     Every byte takes the time of its bits, in both directions. A network takes no time, but no more than a kilobyte at
     once and ten kilobytes a second after that, as the processor of an instrument would. What a client writes ahead of
-    that waits in the operating system, and what it does not fetch overflows.
+    that waits in the operating system; what it does not fetch overflows, on a network after a megabyte only.
 
     Args:
         device: the instrument's name.
@@ -133,7 +136,7 @@ class ServedLine:
     def _reach_client(self) -> None:
         _, data = self._to_client.popleft()
         if self.is_open:
-            room = max(0, _BUFFER - len(self.outbox))
+            room = max(0, (_BUFFER if self._ns_per_byte else _NETWORK_BUFFER) - len(self.outbox))
             self.lost += max(0, len(data) - room)
             self.outbox += data[:room]
 
