@@ -32,6 +32,7 @@ from hil.plugin.terminal.answering import answers_of
 from hil.plugin.terminal.progress import Progress
 from hil.report.sentences import uncovered
 from hil.report.summary import closing_lines
+from hil.report.tables import fitting
 from hil.report.write import write_reports
 
 __all__ = ["Word", "left_open_lines", "lost_lines", "resume", "run"]
@@ -342,7 +343,9 @@ def _tell(session: Session, digest: str, out: TextIO) -> None:
     from hil.evidence.results.outcome import read_outcome  # noqa: PLC0415 - not before the run
 
     out.write("\n")
-    out.writelines(f"{line}\n" for line in closing_lines(read_outcome((session.folder / RESULTS).read_bytes())))
+    lines = closing_lines(read_outcome((session.folder / RESULTS).read_bytes()))
+    columns = shutil.get_terminal_size().columns if out.isatty() else 0
+    out.writelines(f"{line}\n" for line in fitting(lines, columns))
     out.write(f"\nevidence digest {digest}\n")
     out.write(f"report  {_shown(session.folder / 'data/report/report.html')}\n")
     out.write(f"{_shown(session.folder)}\n")

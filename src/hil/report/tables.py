@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Container, Iterable, Sequence
 
-__all__ = ["aligned", "labelled"]
+__all__ = ["aligned", "fitting", "labelled"]
 
 
 def aligned(
@@ -34,3 +35,20 @@ def aligned(
 def labelled(facts: Iterable[tuple[str, str]], *, indent: str = "") -> list[str]:
     """Return a line for each fact that is known, its label first."""
     return aligned([fact for fact in facts if fact[1]], indent=indent)
+
+
+def fitting(lines: Iterable[str], width: int) -> list[str]:
+    """Return lines that are not wider than a terminal, broken between words, and indented like their beginning.
+
+    Args:
+        lines: what is to be shown.
+        width: of the terminal in columns; 0 leaves the lines as they are, for a file or a pipe.
+    """
+    if width <= 0:
+        return list(lines)
+    words = textwrap.TextWrapper(width=width, break_long_words=False, break_on_hyphens=False)
+    found: list[str] = []
+    for line in lines:
+        words.subsequent_indent = " " * (len(line) - len(line.lstrip()) + 2)
+        found += words.wrap(line) or [""]
+    return found

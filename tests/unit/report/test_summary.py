@@ -7,6 +7,7 @@ from hil.evidence.folder import RESULTS
 from hil.evidence.package.contents import Package
 from hil.evidence.results.outcome import read_outcome
 from hil.report.summary import check_lines, closing_lines
+from hil.report.tables import fitting
 
 
 def test_closing_block_of_a_failed_run(folder):
@@ -188,3 +189,14 @@ def test_cases_that_were_not_run_for_one_reason_are_one_block():
         "NOT_RUN test_x.py::test_other",
         "  no jig",
     ]
+
+
+def test_lines_break_between_words_on_a_terminal():
+    """A terminal of 80 columns breaks no word, and what is broken hangs under its beginning; a pipe gets it whole."""
+    line = "  reason  " + "outside the limit by more than the expanded uncertainty of " * 3
+    wide = fitting([line, "", "short"], 80)
+    assert max(map(len, wide)) <= 80
+    assert wide[1].startswith("    ")
+    assert wide[-2:] == ["", "short"]
+    assert " ".join(" ".join(wide[:-2]).split()) == " ".join(line.split())
+    assert fitting([line], 0) == [line]
