@@ -20,6 +20,7 @@ from hil.executive.cases.escapes import Escapes
 from hil.executive.cases.facade import Facade
 from hil.executive.cases.operator import Operator
 from hil.executive.cases.recorder import Recorder
+from hil.executive.cases.recording import required_gaps
 from hil.executive.cases.steps import Steps
 from hil.executive.ending.stop import StopFlags
 from hil.executive.journaling.row_store import RowStore
@@ -252,15 +253,28 @@ def scheduler(clock, *monitors, flags=None, watch=None):
 class Case:
     """A case with a supply and a magnetometer; `run` is what the executive keeps of it."""
 
-    def __init__(self, folder: Path, *requirements: str, answers=None, recall=None, dut=False, hand=None) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        *requirements: str,
+        answers=None,
+        recall=None,
+        dut=False,
+        hand=None,
+        asked=(),
+        watched=(),
+        sample_s=0.001,
+    ) -> None:
+        """Make one; `asked` are more requirements, `watched` are limits, each with how long its reading takes [s]."""
         self.clock = VirtualClock()
         self.written = Written()
         self.flags = StopFlags()
         self.watch = Watch()
         self.supply = Supply()
-        self.sensor = Magnetometer(self.clock)
-        self.scheduler = scheduler(self.clock, flags=self.flags, watch=self.watch)
-        chosen = {item.id: item for item in REQUIREMENTS if item.id in requirements}
+        self.sensor = Magnetometer(self.clock, sample_s)
+        monitors = [monitor(self.clock, spec, takes=takes) for spec, takes in watched]
+        self.scheduler = scheduler(self.clock, *monitors, flags=self.flags, watch=self.watch)
+        chosen = {item.id: item for item in (*REQUIREMENTS, *asked) if item.id in requirements or item in asked}
         self.requirements = chosen
         steps = Steps("plan/test_x.py::test_x", self.written, self.clock.now)
         effects = Effects(self.written, steps, recall, self.flags.undisturbed)
@@ -275,7 +289,9 @@ class Case:
             steps=steps,
             effects=effects,
             check=Checks(chosen, steps, self.written),
-            record=Recorder(steps, self.scheduler, effects, self.store, Source.SIMULATED),
+            record=Recorder(
+                steps, self.scheduler, effects, self.store, Source.SIMULATED, required_gaps(chosen.values())
+            ),
             artifact=Artifacts(steps, effects, self.written, folder / "data/attachments", set()),
             chart=Charts(chosen, steps, self.written),
             operator=Operator(answers or Nobody(), effects, steps, self.written, self.scheduler.point, hand or {}),

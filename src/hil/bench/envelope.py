@@ -81,6 +81,7 @@ class Monitor:
         self._start_ns = _grid_ns(start_ns, self._period_ns)
         self._outside = 0
         self._lasts_ns = _UNKNOWN_NS
+        self._least_ns = 0
         self._hold_ns = self._period_ns
         self.due_ns = start_ns
         self.good_ns = start_ns
@@ -91,9 +92,29 @@ class Monitor:
         return self._lasts_ns + self._lasts_ns // 4
 
     @property
+    def least_room_ns(self) -> int:
+        """The same, judged by the shortest reading so far; 0 before the first."""
+        return self._least_ns + self._least_ns // 4
+
+    @property
+    def allowed_ns(self) -> int:
+        """The time after a good reading within which the next one has to begin."""
+        return self._max_age_ns - self._period_ns
+
+    @property
+    def latest_ns(self) -> int:
+        """The instant from which on it is read whatever that disturbs: the last good reading is soon too old."""
+        return self.good_ns + self.allowed_ns
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether the last reading was outside, and has to be confirmed."""
+        return self._outside > 0
+
+    @property
     def overdue_ns(self) -> int:
         """The instant from which on it is read wherever the case is: a period late, or soon too old."""
-        return min(self.due_ns + self._period_ns, self.good_ns + self._max_age_ns - self._period_ns)
+        return min(self.due_ns + self._period_ns, self.latest_ns)
 
     @property
     def good_until_ns(self) -> int:
@@ -123,6 +144,7 @@ class Monitor:
         self.catch_up()
         figure = self._read()
         self._lasts_ns = now() - began_ns
+        self._least_ns = min(self._lasts_ns, self._least_ns or self._lasts_ns)
         trip = self.judge(self.counted(figure), now()) or unwatched
         if self._outside:
             self.due_ns = min(self.due_ns, began_ns + self._period_ns // _SOONER)

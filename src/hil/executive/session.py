@@ -22,6 +22,7 @@ from hil.executive.cases.escapes import Escapes
 from hil.executive.cases.facade import Facade, RoleSet, facades
 from hil.executive.cases.operator import Operator
 from hil.executive.cases.recorder import Recorder
+from hil.executive.cases.recording import required_gaps
 from hil.executive.cases.steps import Steps
 from hil.executive.ending.copies import kept_from_copies
 from hil.executive.ending.signals import handle_signals
@@ -241,7 +242,9 @@ class Session:
             steps=steps,
             effects=effects,
             check=Checks(requirements, steps, journal, partial(self.configuration.stands, planned.plan)),
-            record=Recorder(steps, scheduler, effects, self.record.store, self.bench.source),
+            record=Recorder(
+                steps, scheduler, effects, self.record.store, self.bench.source, required_gaps(requirements.values())
+            ),
             operator=Operator(self._answers, effects, steps, journal, scheduler.point, self.configuration.hand),
             artifact=Artifacts(steps, effects, journal, self.folder / ATTACHMENTS, self._made),
             chart=Charts(requirements, steps, journal),

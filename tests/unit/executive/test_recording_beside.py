@@ -294,14 +294,15 @@ def test_rows_wait_as_long_as_their_limits_allow(tmp_path, period, max_age, pati
     assert all(moment < 40 for moment in asked)
 
 
-def test_rows_do_not_wait_where_they_did_not_in_the_record(tmp_path):
+@pytest.mark.parametrize(("rows_wait", "pause"), [(True, 30), (False, 5)])
+def test_rows_do_not_wait_where_they_did_not_in_the_record(tmp_path, rows_wait, pause):
     """A replay of a run of earlier fetches them when that did."""
-    case, _, _, _ = watched(tmp_path, 4.0, period=30.0, max_age=90.0)
-    fed = case.scheduler.fed_by("cycler", {("voltage", "V"): 1}, 10.0)
-    assert case.scheduler.pause_allowed(fed, 5.0) == 30.0
-    for rows_wait, allowed in ((True, 30.0), (False, 0.0)):
-        case.scheduler.timeline.rows_wait = rows_wait
-        assert case.scheduler.pause_allowed(fed, 5.0) == allowed
+    case, role, facade, _ = watched(tmp_path, 4.0, period=30.0, max_age=90.0)
+    role.patience = 50.0
+    case.scheduler.timeline.rows_wait = rows_wait
+    with case.run.record.during("test", facade, rate=0.2):
+        case.scheduler.sleep(100.0)
+    assert role.drained_at[:3] == [pause * turn * 1000 * MS for turn in (1, 2, 3)]
 
 
 def test_rows_that_feed_no_limit_wait_no_longer_than_they_have_to(tmp_path):

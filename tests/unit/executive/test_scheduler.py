@@ -55,6 +55,15 @@ def test_no_monitor_begins_where_its_reading_would_not_end_in_time():
     assert (clock.now(), len(watch.readings)) == (1.55, 2)
 
 
+def test_a_reading_that_lasts_beyond_the_next_turn_is_followed_by_it():
+    """A wait that began with it goes on with the turn that passed during the reading."""
+    clock, scheduled, watch = watched(limit(max_age=2.0), takes=0.3)
+    scheduled.sleep(0.5)
+    clock.sleep(1.3)
+    scheduled.sleep(5.0)
+    assert [round(t, 1) for _, t, _ in watch.readings] == [0.3, 2.1, 2.4, 3.3, 4.3, 5.3, 6.3]
+
+
 def test_a_monitor_that_is_overdue_runs_at_a_call_too():
     """A case that never waits is watched all the same."""
     clock, scheduled, watch = watched(limit(max_age=5.0))

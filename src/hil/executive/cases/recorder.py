@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -19,12 +20,13 @@ from hil.executive.cases.during import During
 from hil.executive.cases.effects import Effects
 from hil.executive.cases.escapes import OfThisProcess
 from hil.executive.cases.facade import Facade, RoleSet
-from hil.executive.cases.recording import Recording, clipped
+from hil.executive.cases.recording import UNDISTURBED, Disturbance, Recording, clipped
 from hil.executive.cases.steps import Steps, file_part
 from hil.executive.cases.streaming import SampledTurns, StreamTurns
 from hil.executive.cases.taking import Taking
 from hil.executive.journaling.row_store import RowStore
 from hil.executive.watching.scheduler import Scheduler
+from hil.executive.watching.sharing import Course, Pace, refusal
 from hil.instruments.sampled import Frame, StreamReport
 from hil.model.errors import Misused
 from hil.model.identity import Source
@@ -46,6 +48,8 @@ class Recorder(OfThisProcess):
         effects: where a recording is noted as an effect.
         store: opens row files.
         source: where the bench's bytes come from.
+        gaps: by the name of a recording that a requirement of the case asks for, the longest gap in s that it allows;
+            infinite where it says nothing of gaps.
     """
 
     said = "`record`"
@@ -57,12 +61,14 @@ class Recorder(OfThisProcess):
         effects: Effects,
         store: RowStore,
         source: Source,
+        gaps: Mapping[str, float] = MappingProxyType({}),
     ) -> None:
         self._steps = steps
         self._scheduler = scheduler
         self._effects = effects
         self._store = store
         self._source = source
+        self._gaps_ns = {name: round(gap * NANOSECONDS) if math.isfinite(gap) else None for name, gap in gaps.items()}
         self._taken: list[Mapping[str, object]] = []
         self._beside: list[Taking] = []
 
@@ -93,8 +99,9 @@ class Recorder(OfThisProcess):
         if continues:
             arguments["continues"] = True
         if not (role := sources[0].streamed):
-            self._effects.perform(f"record.{name}", "records", arguments, lambda: self._sample(facts, sources))
-            return self._finished(facts, sources, None)
+            course = Course(self._scheduler.monitoring.bus, round(NANOSECONDS / rate), "the computer")
+            self._effects.perform(f"record.{name}", "records", arguments, lambda: self._sample(facts, sources, course))
+            return self._finished(facts, sources, None, Disturbance(course, dut=_of_dut(sources)))
         turns = StreamTurns(sources[0], role, self._scheduler.clock, rate, duration + 0.5 / rate)
         taking = Taking(facts, sources, turns, self._scheduler, self._store)
         self._effects.perform(f"record.{name}", "records", arguments, lambda: self._stream(taking, turns))
@@ -114,7 +121,10 @@ class Recorder(OfThisProcess):
         facts = self._facts(name, sources, rate, None)
         role = sources[0].streamed
         clock = self._scheduler.clock
-        turns = StreamTurns(sources[0], role, clock, rate) if role else SampledTurns(sources, clock, rate)
+        course = Course(
+            self._scheduler.monitoring.bus, round(NANOSECONDS / rate), "the case, which let no turn be taken,"
+        )
+        turns = StreamTurns(sources[0], role, clock, rate) if role else SampledTurns(sources, clock, rate, course)
         taking = Taking(facts, sources, turns, self._scheduler, self._store)
         self._beside.append(taking)
         return During(taking, self._effects, self._scheduler, self)
@@ -150,7 +160,12 @@ class Recorder(OfThisProcess):
 
     def keep(self, taking: Taking) -> Recording:
         """Keep a recording that is whole, for the requirements that ask for it, and return it."""
-        return self._finished(taking.facts, taking.sources, taking.report)
+        turns = taking.turns
+        if isinstance(turns, SampledTurns):
+            disturbance = Disturbance(turns.course, dut=_of_dut(taking.sources))
+        else:
+            disturbance = Disturbance(None, told=turns.late)
+        return self._finished(taking.facts, taking.sources, taking.report, disturbance)
 
     def close(self) -> None:
         """End what a case left running, as incomplete."""
@@ -225,30 +240,79 @@ class Recorder(OfThisProcess):
             raise
         return taking.end(complete=True)
 
-    def _sample(self, facts: events.Recording, sources: tuple[Facade, ...]) -> str:
+    def _sample(self, facts: events.Recording, sources: tuple[Facade, ...], course: Course) -> str:
         """Take one sample after the other; return the hash of the rows."""
+        source = _named(sources)
+        count = max(1, round((facts.duration or 0) * facts.rate))
+        known = self._scheduler.monitoring.bus.sample_ns(source) > 0
+        pace = self._pace(facts, source, count)
+        share = self._scheduler.share(pace)
+        self._require_room(facts, sources, pace)
         recording = self._store.begin(facts)
         complete = False
+        self._scheduler.monitoring.bus.shares.append(share)
         try:
-            count = max(1, round((facts.duration or 0) * facts.rate))
-            start_ns = self._scheduler.now_ns()
             done = recording.rows.rows
-            start_ns -= round(done * NANOSECONDS / facts.rate)
+            start_ns = self._scheduler.now_ns() - round(done * NANOSECONDS / facts.rate)
             for index in range(done, count):
-                self._scheduler.wait_until(start_ns + round(index * NANOSECONDS / facts.rate))
+                due_ns = start_ns + round(index * NANOSECONDS / facts.rate)
+                self._scheduler.wait_until(due_ns)
+                began_ns = self._scheduler.now_ns()
                 row = [number for source in sources for number in source.sample()]
-                recording.append((self._scheduler.now_ns() / NANOSECONDS, *row))
+                now_ns = self._scheduler.now_ns()
+                recording.append((now_ns / NANOSECONDS, *row))
+                course.sampled(index, due_ns, began_ns, now_ns)
+                share.sampled(index - done, now_ns)
+                self._scheduler.monitoring.bus.sampled(source, now_ns - began_ns)
+                share.pace = share.pace if known else self._pace(facts, source, count)
+                known = True
             complete = True
         finally:
+            self._scheduler.monitoring.bus.shares.remove(share)
             digest = recording.finish(complete=complete)
         return digest
 
-    def _finished(self, facts: events.Recording, sources: tuple[Facade, ...], report: StreamReport | None) -> Recording:
+    def _pace(self, facts: events.Recording, source: str, count: int | None) -> Pace:
+        """Return how a recording samples, as far as that is known: one that was never taken has half of its period."""
+        period_ns = round(NANOSECONDS / facts.rate)
+        return Pace(
+            name=facts.name,
+            period_ns=period_ns,
+            sample_ns=self._scheduler.monitoring.bus.sample_ns(source) or period_ns // 2,
+            count=count,
+            gap_ns=self._gaps_ns.get(facts.name),
+        )
+
+    def _require_room(self, facts: events.Recording, sources: tuple[Facade, ...], pace: Pace) -> None:
+        """Refuse a recording that a requirement asks for, and in which rate, gap and maximum ages cannot all hold.
+
+        A device under test that takes too long for its samples is not refused, but judged.
+        """
+        if facts.name not in self._gaps_ns or (pace.pause_ns <= 0 and _of_dut(sources)):
+            return
+        known_ns = self._scheduler.monitoring.bus.sample_ns(_named(sources))
+        monitors = self._scheduler.monitoring.all if self._scheduler.watching else ()
+        if problem := refusal(replace(pace, sample_ns=known_ns), monitors):
+            raise Misused(f"record '{facts.name}': {problem}")
+
+    def _finished(
+        self,
+        facts: events.Recording,
+        sources: tuple[Facade, ...],
+        report: StreamReport | None,
+        disturbance: Disturbance = UNDISTURBED,
+    ) -> Recording:
         recorded = replace(read_recording(self._store.recordings, facts, None), complete=True)
         voids = self._store.voids(facts.recording)
         uncertainties, provenances = _known(facts, recorded, sources)
         recording = Recording(recorded, uncertainties, provenances, report, voids, facts)
-        taken = {"facts": facts, "recorded": recorded, "voids": voids, "provenances": provenances}
+        taken = {
+            "facts": facts,
+            "recorded": recorded,
+            "voids": voids,
+            "provenances": provenances,
+            "disturbance": disturbance,
+        }
         self._taken.append(taken)
         return recording
 
@@ -265,6 +329,14 @@ def _channels(sources: tuple[Facade, ...]) -> tuple[events.Channel, ...]:
         for source in sources
         for channel in (source.captured or source.sampled).channels()
     )
+
+
+def _named(sources: Sequence[Facade]) -> str:
+    return " and ".join(source.wire.name for source in sources)
+
+
+def _of_dut(sources: Sequence[Facade]) -> bool:
+    return any(source.instrument.dut for source in sources)
 
 
 _OF_SCREEN = ("probe", "resolution", "low", "high")

@@ -2,22 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, cast
 
+from hil.clock.port import NANOSECONDS
 from hil.evidence import events
 from hil.evidence.recordings.hdf5 import Recorded
 from hil.evidence.results.ruling import CHANNELS
+from hil.executive.watching.sharing import Course
 from hil.instruments.sampled import StreamReport
 from hil.model.figure import Figure, FigureStatus
 from hil.model.provenance import Number, Provenance, merged, stamped
-from hil.requirements.requirement import Decision, Limit, Records
+from hil.requirements.requirement import Decision, Limit, Records, Requirement
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["Criterion", "Recording", "behind_channels", "clipped", "data_checks", "recorded_as"]
+__all__ = [
+    "UNDISTURBED",
+    "Criterion",
+    "Disturbance",
+    "Recording",
+    "behind_channels",
+    "clipped",
+    "data_checks",
+    "recorded_as",
+    "required_gaps",
+]
 
 
 class Recording:
@@ -124,8 +138,53 @@ def clipped(facts: events.Recording, recorded: Recorded) -> dict[str, str]:
     return found
 
 
+@dataclass(frozen=True, slots=True)
+class Disturbance:
+    """What the executive, the bench or the computer did to the times of a recording.
+
+    Attributes:
+        course: how its samples were taken, None of a stream.
+        dut: whether the device under test was sampled, so that the time that it takes is its own affair.
+        told: of a stream, why rows may have been lost on the way, a sentence; empty if none can have been.
+    """
+
+    course: Course | None = None
+    dut: bool = False
+    told: str = ""
+
+    def without(self, item: Recorded) -> NDArray[np.float64] | None:
+        """Return the times of the samples in s as they would be without it, None if they would be the same."""
+        import numpy as np  # noqa: PLC0415 - only recordings pay for it
+
+        if self.course is None:
+            return np.empty(0) if self.told else None
+        times = np.array(self.course.undisturbed_ns(own=self.dut)) / NANOSECONDS
+        return times if len(times) > 1 and len(item) > 1 else None
+
+    @property
+    def why(self) -> str:
+        """What it was, a sentence without a full stop."""
+        return self.told or (self.course.cause if self.course else "")
+
+    @property
+    def resolution_s(self) -> float:
+        """The standard uncertainty of a sample's time in s."""
+        return self.course.resolution_s if self.course else 0.0
+
+
+UNDISTURBED = Disturbance()
+
 Criterion = tuple[Limit, Figure | str, str]
 """What must hold, what was found, and a reason where that says more than the two; else empty."""
+
+
+def required_gaps(requirements: Iterable[Requirement]) -> dict[str, float]:
+    """Return by recording the longest gap in s that requirements allow, infinite where they ask for a rate only."""
+    asked = [each.records for each in requirements if each.records and (each.records.rate_hz or each.records.max_gap_s)]
+    gaps: dict[str, float] = {}
+    for each in asked:
+        gaps[each.recording] = min(gaps.get(each.recording, math.inf), each.max_gap_s or math.inf)
+    return gaps
 
 
 def recorded_as(records: Records, taken: Sequence[Mapping[str, object]]) -> list[Mapping[str, object]]:
@@ -162,12 +221,69 @@ def data_checks(records: Records, taken: Sequence[Mapping[str, object]]) -> Iter
         lasts = [_lasts(item, span) for item, span in zip(found, spans, strict=True)]
         yield _at_least("duration", records.duration_s, "s"), _exact(min(lasts), "s"), ""
     if records.rate_hz is not None:
-        slowest = min((len(item) - 1) / span if span else 0.0 for item, span in zip(found, spans, strict=True))
-        yield _at_least("rate", records.rate_hz * (1 - _RATE_TOLERANCE), "Hz"), _exact(slowest, "Hz"), ""
+        limit = _at_least("rate", records.rate_hz * (1 - _RATE_TOLERANCE), "Hz")
+        rates = [_rate(item, span) for item, span in zip(found, spans, strict=True)]
+        yield _poorest(limit, "Hz", rates, named, spans)
     if records.max_gap_s is not None:
-        largest = max(_gap(item, without) for item, without in zip(found, ends, strict=True))
-        yield _at_most("max_gap", records.max_gap_s, "s"), _exact(largest, "s"), ""
+        limit = _at_most("max_gap", records.max_gap_s, "s")
+        gaps = [_gap(item, without) for item, without in zip(found, ends, strict=True)]
+        yield _poorest(limit, "s", gaps, named, spans)
         yield from _stopped(records.max_gap_s, found, ends)
+
+
+def _poorest(
+    limit: Limit, unit: str, values: Sequence[float], named: Sequence[Mapping[str, object]], spans: Sequence[float]
+) -> Criterion:
+    """Return the criterion for the recording that meets it worst; one that is excused does not hide one that is not."""
+    judged = [
+        _excused(limit, _timed(value, unit, taken, span), taken)
+        for value, taken, span in zip(values, named, spans, strict=True)
+    ]
+    figure, reason = max(judged, key=lambda each: (_fails(limit, each[0]), _beyond(limit, each[0].value)))
+    return limit, figure, reason
+
+
+def _fails(limit: Limit, figure: Figure) -> bool:
+    return _beyond(limit, figure.value) > 0 and figure.status is FigureStatus.MEASURED
+
+
+def _rate(item: Recorded, span: float) -> float:
+    return (len(item) - 1) / span if span else 0.0
+
+
+def _timed(value: float, unit: str, taken: Mapping[str, object], span: float) -> Figure:
+    """Return a rate or a gap, which follows from the times of two samples, with its uncertainty where that is known."""
+    time_s = math.sqrt(2) * cast("Disturbance", taken.get("disturbance", UNDISTURBED)).resolution_s
+    uncertainty = time_s * value / span if unit == "Hz" and span else time_s
+    return Figure(value=round(value, 9), unit=unit, uncertainty=float(f"{uncertainty:.6g}") if uncertainty else None)
+
+
+def _excused(limit: Limit, figure: Figure, taken: Mapping[str, object]) -> tuple[Figure, str]:
+    """Return a rate or gap that misses its limit as not observable, with the reason, where the article is not to blame.
+
+    It is not where the criterion would be met without what disturbed the recording, or where the limit is nearer than
+    the times of two samples can tell.
+    """
+    disturbance = cast("Disturbance", taken.get("disturbance", UNDISTURBED))
+    if _beyond(limit, figure.value) <= 0:
+        return figure, ""
+    if _beyond(limit, figure.value) <= _K95 * (figure.uncertainty or 0.0):
+        told = f"the times of the samples do not tell {figure.value:.6g} {figure.unit} from the limit"
+        return replace(figure, status=FigureStatus.NOT_OBSERVABLE), told
+    times = disturbance.without(cast("Recorded", taken["recorded"]))
+    if times is None:
+        return figure, ""
+    if len(times):
+        apart = times[1:] - times[:-1]
+        otherwise = float(apart.max()) if figure.unit == "s" else len(apart) / float(apart.sum())
+        if _beyond(limit, otherwise) > 0:
+            return figure, ""
+    return replace(figure, status=FigureStatus.NOT_OBSERVABLE), disturbance.why
+
+
+def _beyond(limit: Limit, value: float) -> float:
+    """Return by how much a value is beyond a limit of one side; not above zero if it meets it."""
+    return float(limit.minimum) - value if limit.minimum is not None else value - float(limit.maximum or 0)
 
 
 def _stopped(longest_s: float, found: Sequence[Recorded], ends: Sequence[Sequence[int]]) -> Iterator[Criterion]:
@@ -191,6 +307,7 @@ def _ends_of_voids(taken: Mapping[str, object]) -> list[int]:
     return [part.end for part in voids if 0 < part.end < len(recorded)]
 
 
+_K95 = 1.96
 _RATE_TOLERANCE = 1e-3
 """A sampling clock may be this much slow: quartz is, and the last sample's latency counts, too."""
 

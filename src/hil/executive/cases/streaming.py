@@ -14,6 +14,7 @@ from hil.executive.journaling.row_store import OpenRecording
 from hil.executive.watching.feeding import Feed
 from hil.executive.watching.ports import Beside
 from hil.executive.watching.scheduler import Scheduler
+from hil.executive.watching.sharing import Course
 from hil.instruments.sampled import Ending, Patient, Streamed, StreamReport
 from hil.model.errors import DeviceFault
 
@@ -171,9 +172,13 @@ class StreamTurns:
 
     Attributes:
         full: whether a row came that was not wanted any more.
+        late: where rows were fetched so late that some may have been lost, a sentence; empty if they never were.
     """
 
     def __init__(self, source: Facade, role: Streamed, clock: Clock, rate: float, enough: float | None = None) -> None:
+        self.what = f"the stream of {source.wire.name}"
+        self.late = ""
+        self._fetched_ns = FOREVER_NS
         self._source = source
         self._role = role
         self._clock = clock
@@ -195,7 +200,7 @@ class StreamTurns:
             self.failed = True
             raise
         self._intake = intake
-        self._start_ns = self._clock.now_ns()
+        self._start_ns = self._fetched_ns = self._clock.now_ns()
         self._start_s = self._start_ns / NANOSECONDS
         self._keep_time()
 
@@ -243,6 +248,12 @@ class StreamTurns:
             self.due_ns -= self.due_ns % self._pause_ns
 
     def _fetch(self) -> None:
+        began_ns, self._fetched_ns = self._fetched_ns, self._clock.now_ns()
+        if (apart_ns := self._fetched_ns - began_ns) > 2 * self._pause_ns and not self.late:
+            self.late = (
+                f"rows were fetched after {apart_ns / NANOSECONDS:.4g} s, where {self._pause_ns / NANOSECONDS:.4g} s"
+                " are planned: the case, another instrument or the computer held that up"
+            )
         try:
             block = self._source.guarded(self._role.drain)
         except BaseException:
@@ -285,10 +296,13 @@ class SampledTurns:
         sources: the roles' façades.
         clock: the bench's clock.
         rate: samples per second.
+        course: hears how it goes.
     """
 
-    def __init__(self, sources: Sequence[Facade], clock: Clock, rate: float) -> None:
+    def __init__(self, sources: Sequence[Facade], clock: Clock, rate: float, course: Course) -> None:
+        self.what = f"the recording of {' and '.join(source.wire.name for source in sources)}"
         self._sources = sources
+        self.course = course
         self._clock = clock
         self._rate = rate
         self._turn = 0
@@ -308,6 +322,7 @@ class SampledTurns:
 
     def take(self) -> None:
         """Take a sample."""
+        began_ns = self._clock.now_ns()
         try:
             row = [number for source in self._sources for number in source.sample()]
         except BaseException:
@@ -315,6 +330,8 @@ class SampledTurns:
             self.due_ns = FOREVER_NS
             raise
         now_ns = self._clock.now_ns()
+        due_ns = self._start_ns + round(self._turn * NANOSECONDS / self._rate)
+        self.course.sampled(self._turn, min(due_ns, began_ns), began_ns, now_ns)
         self._turn = max(self._turn + 1, int((now_ns - self._start_ns) * self._rate / NANOSECONDS) + 1)
         self.due_ns = self._start_ns + round(self._turn * NANOSECONDS / self._rate)
         self._intake.take_row([now_ns / NANOSECONDS, *row])

@@ -9,6 +9,7 @@ from hil.evidence import events
 from hil.executive.cases.facade import Facade
 from hil.executive.cases.streaming import Intake, SampledTurns, StreamTurns
 from hil.executive.journaling.row_store import OpenRecording, RowStore
+from hil.executive.watching.feeding import monitors_of, pause_allowed
 from hil.executive.watching.scheduler import Scheduler
 from hil.instruments.sampled import StreamReport
 
@@ -123,7 +124,8 @@ class Taking:
             columns = {
                 (channel.name, channel.unit): place for place, channel in enumerate(source.sampled.channels(), 1)
             }
-            if fed := self._scheduler.fed_by(source.wire.name, columns, self.turns.every_s):
-                pause_s = self._scheduler.pause_allowed(fed, 1 / self.facts.rate)
-                self.turns.may_pause(pause_s, together=self._scheduler.timeline.rows_together)
+            timeline, monitors = self._scheduler.timeline, self._scheduler.monitoring.all
+            if fed := monitors_of(source.wire.name, columns, self.turns.every_s, monitors):
+                pause_s = pause_allowed(fed, 1 / self.facts.rate) if timeline.rows_wait else 0.0
+                self.turns.may_pause(pause_s, together=timeline.rows_together)
                 self.intake.feed = self._scheduler.feed(fed, self.turns.every_s, self.facts.recording)

@@ -10,6 +10,7 @@ from hil.bench.derived.quantities import derivation_of
 from hil.bench.envelope import Monitor, Trip
 from hil.clock.port import NANOSECONDS, Clock
 from hil.executive.watching.ports import CaseAtWork, Reports
+from hil.executive.watching.sharing import Bus, Pace, Share
 from hil.executive.watching.timeline import Timeline
 from hil.instruments.roles import Beaten
 from hil.model.bench import InstrumentSpec
@@ -28,6 +29,28 @@ _BEHIND_NS = NANOSECONDS // 10
 """More than a turn of a monitor takes from the samples of a recording, which catch up with it."""
 
 
+class _Ahead(Bus):
+    """The bus before the first sample of a recording, which begins when all that cannot wait has been read.
+
+    Args:
+        pace: of the recording.
+        monitors: all of them.
+    """
+
+    def __init__(self, pace: Pace, monitors: Sequence[Monitor]) -> None:
+        super().__init__()
+        self._pace = pace
+        self._monitors = monitors
+        self.admitted = False
+
+    def room(self, monitor: Monitor, now_ns: int, until_ns: int) -> bool:
+        """Return whether a monitor would have to be read between two samples later, and finds no room there."""
+        del until_ns
+        before = Share(self._pace, now_ns, self._monitors).before(monitor)
+        self.admitted = self.admitted or before
+        return before
+
+
 class Monitoring:
     """Runs the monitors of a bench.
 
@@ -41,6 +64,7 @@ class Monitoring:
     Attributes:
         case: hears when a monitor's device is silent or talks nonsense, None between cases.
         soonest_ns: before this instant none is due.
+        bus: says when one may be read.
     """
 
     def __init__(
@@ -54,6 +78,7 @@ class Monitoring:
         self.all = list(monitors)
         self.case: CaseAtWork | None = None
         self.soonest_ns = 0
+        self.bus = Bus()
         self._bench = bench
         self._clock = bench.clock
         self._reports = reports
@@ -72,12 +97,21 @@ class Monitoring:
 
     def run(self, until_ns: int, timeline: Timeline) -> None:
         """Run those whose turn it is before `until_ns`."""
-        if self.soonest_ns > until_ns:
+        if self.soonest_ns > until_ns + self.bus.lead_ns:
             return
         name = MONITOR if self._clock.now_ns() < until_ns else OVERDUE
-        for monitor in timeline.due(self.all, until_ns, name):
+        for monitor in timeline.due(self.all, until_ns, name, self.bus):
             self._take(monitor, name)
         self.soonest_ns = timeline.soonest_ns(self.all)
+
+    def run_before(self, pace: Pace, timeline: Timeline) -> None:
+        """Run, before the first sample of a recording, those that would be due between two and find no room there."""
+        for _ in self.all:  # what one reading takes may be too long for another one, which then goes before, too
+            ahead = _Ahead(pace, self.all)
+            for monitor in timeline.due(self.all, self._clock.now_ns(), OVERDUE, ahead):
+                self._take(monitor, OVERDUE)
+            if not ahead.admitted:
+                return
 
     def run_late(self, when_ns: int, timeline: Timeline) -> None:
         """Run those that are overdue where a wait until `when_ns` would begin long after its end.
@@ -105,6 +139,7 @@ class Monitoring:
         else:
             if self._silences() > silences:
                 self._tell_of_silence(monitor, self._clock.now_ns() - now_ns)
+        self.bus.note(f"the reading of {monitor.limit.id}", now_ns, self._clock.now_ns())
         self._reports.reading(monitor.limit.id, self._clock.now(), figure)
         if trip:
             self._trip(trip)
@@ -149,6 +184,7 @@ class Heartbeat:
         self._instrument = instrument
         self._clock = clock
         self._monitoring = monitoring
+        self.what = f"the heartbeat of {instrument.name}"
         self.due_ns = 0
         self.begin_again()
 

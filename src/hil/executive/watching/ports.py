@@ -101,7 +101,13 @@ class CaseAtWork(Protocol):
 
 
 class Beside(Protocol):
-    """Something that takes turns beside a case: a stream that has to be emptied, a role that is sampled."""
+    """Something that takes turns beside a case: a stream that has to be emptied, a role that is sampled.
+
+    Attributes:
+        what: what it is, for a sentence that begins with it.
+    """
+
+    what: str
 
     @property
     def due_ns(self) -> int:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from operator import attrgetter
 from typing import TYPE_CHECKING, NoReturn
 
@@ -11,9 +11,10 @@ from hil.bench.envelope import Monitor, Trip
 from hil.clock import wall
 from hil.clock.port import NANOSECONDS
 from hil.executive.ending.stop import StopFlags, Stopped
-from hil.executive.watching.feeding import Fed, Feed, Feeds, monitors_of, pause_allowed
+from hil.executive.watching.feeding import Fed, Feed, Feeds
 from hil.executive.watching.monitoring import Monitoring
 from hil.executive.watching.ports import Beside, CaseAtWork, Distress, Reports
+from hil.executive.watching.sharing import Pace, Share
 from hil.executive.watching.timeline import Timeline
 from hil.model.bench import InstrumentSpec
 from hil.model.errors import DeviceFault, HilError, NoReply, Tripped
@@ -176,13 +177,12 @@ class Scheduler:
         for beside in tuple(self._beside):
             beside.begin_again()
 
-    def fed_by(self, output: str, columns: Mapping[tuple[str, str], int], every_s: float) -> Fed:
-        """Return the monitors that a recording's rows feed. See `monitors_of`."""
-        return monitors_of(output, columns, every_s, self.monitoring.all)
-
-    def pause_allowed(self, fed: Fed, row_s: float) -> float:
-        """Return how long rows may wait in seconds, 0 where they did not in the record. See `pause_allowed`."""
-        return pause_allowed(fed, row_s) if self.timeline.rows_wait else 0.0
+    def share(self, pace: Pace) -> Share:
+        """Return what a recording leaves of the bus, whose first sample is due now; see `Monitoring.run_before`."""
+        if self._watching:
+            self._look()
+            self.monitoring.run_before(pace, self.timeline)
+        return Share(pace, self.now_ns(), self.monitoring.all if self._watching else ())
 
     def feed(self, fed: Fed, every_s: float, recording: str) -> Feed:
         """Return what judges a recording's rows. See `Feed`."""
@@ -299,11 +299,11 @@ class Scheduler:
             due_ns = beside.due_ns
             if due_ns > until_ns:
                 return False
-            if self._pass(due_ns):
-                beside.take()
-            else:
+            if not (waited := self._pass(due_ns)):
                 self._look()
+            with self.monitoring.bus.used_for(beside.what, self.clock):
                 beside.take()  # first of all: what waits there may be what a monitor misses
+            if not waited:
                 self._run_monitors(self.clock.now_ns())
             if done is not None and done():
                 return True
@@ -315,7 +315,7 @@ class Scheduler:
             return False
         while True:
             turn_ns = when_ns
-            if self.monitoring.soonest_ns <= when_ns:
+            if self.monitoring.soonest_ns <= when_ns + self.monitoring.bus.lead_ns:
                 self._run_monitors(when_ns)
                 turn_ns = self._look_up_ns(when_ns)
             self.clock.wait_until(self.timeline.longest_ns(turn_ns))

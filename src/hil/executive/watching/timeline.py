@@ -11,6 +11,7 @@ from hil.bench.envelope import Monitor
 from hil.bench.gate import Gate
 from hil.clock.live import LiveClock
 from hil.executive.watching.ports import Distress, Freshness, Machine
+from hil.executive.watching.sharing import Bus
 from hil.model.errors import HilError
 from hil.wire.replay import BUSY, CLOCK, DISTRESS, Playback
 from hil.wire.tap import LONGEST_TRANSACTION
@@ -74,7 +75,7 @@ class Timeline(Protocol):
         """Return the error of a case whose own code ran for so many seconds of the wall, None if that is allowed."""
         ...
 
-    def due(self, monitors: Sequence[Monitor], until_ns: int, name: str) -> Iterator[Monitor]:
+    def due(self, monitors: Sequence[Monitor], until_ns: int, name: str, bus: Bus) -> Iterator[Monitor]:
         """Yield the monitors that take a turn before `until_ns`; the turn is taken before the next one is asked for."""
         ...
 
@@ -147,12 +148,11 @@ class OnBench:
         del seconds
         return None
 
-    def due(self, monitors: Sequence[Monitor], until_ns: int, name: str) -> Iterator[Monitor]:
-        """Yield those that are due and have room before `until_ns`, and those that are overdue in any case."""
+    def due(self, monitors: Sequence[Monitor], until_ns: int, name: str, bus: Bus) -> Iterator[Monitor]:
+        """Yield those that have room before `until_ns`, and those that are overdue, as far as recordings admit them."""
         del name
         for monitor in monitors:
-            now_ns = self._clock.now_ns()
-            if now_ns >= monitor.due_ns and (until_ns - now_ns >= monitor.room_ns or now_ns >= monitor.overdue_ns):
+            if bus.room(monitor, self._clock.now_ns(), until_ns):
                 yield monitor
 
     def soonest_ns(self, monitors: Sequence[Monitor]) -> int:
@@ -160,10 +160,10 @@ class OnBench:
         return min([monitor.due_ns for monitor in monitors], default=0)
 
     def look_up_ns(self, when_ns: int, monitors: Sequence[Monitor]) -> int:
-        """Return when the next one is due that has room before `when_ns`."""
+        """Return when the next one is due that has room before `when_ns`: now, if that passed during a reading."""
         now_ns = self._clock.now_ns()
-        turns = [monitor.due_ns for monitor in monitors if now_ns < monitor.due_ns <= when_ns - monitor.room_ns]
-        return min(turns, default=when_ns)
+        turns = [(max(now_ns, monitor.due_ns), monitor.room_ns) for monitor in monitors]
+        return min([due_ns for due_ns, room_ns in turns if due_ns <= when_ns - room_ns], default=when_ns)
 
     def longest_ns(self, when_ns: int) -> int:
         """Return `when_ns`."""
@@ -295,8 +295,9 @@ class OnRecord:
         del seconds
         return None
 
-    def due(self, monitors: Sequence[Monitor], until_ns: int, name: str) -> Iterator[Monitor]:
+    def due(self, monitors: Sequence[Monitor], until_ns: int, name: str, bus: Bus) -> Iterator[Monitor]:
         """Yield those that the record holds here; those of a later wait are left for that one."""
+        del bus
         clock = self._bench.clock
         while limit := self._playback.take_monitor(max(until_ns - 1, clock.now_ns()), name):
             yield next(monitor for monitor in monitors if monitor.limit.id == limit)

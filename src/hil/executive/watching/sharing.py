@@ -1,0 +1,287 @@
+"""Who may use the bus when: readings of the envelope between the samples of a recording, and what disturbed one."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from statistics import median_low
+
+from hil.bench.envelope import Monitor
+from hil.clock.port import NANOSECONDS, Clock
+
+__all__ = ["Bus", "Course", "Pace", "Share", "refusal"]
+
+_REMEMBERED = 256
+_NO_GAP = 2**62
+
+
+@dataclass(frozen=True, slots=True)
+class Pace:
+    """How a recording samples.
+
+    Attributes:
+        name: of the recording.
+        period_ns: from sample to sample.
+        sample_ns: how long a sample takes.
+        count: how many samples there are, None where the case ends the recording.
+        gap_ns: the longest gap that a requirement allows, None if none does.
+    """
+
+    name: str
+    period_ns: int
+    sample_ns: int
+    count: int | None
+    gap_ns: int | None
+
+    @property
+    def pause_ns(self) -> int:
+        """The time between two samples in which the bus is free; not above zero if there is none."""
+        return self.period_ns - self.sample_ns
+
+    @property
+    def lasts_ns(self) -> int:
+        """The time from the first sample to the last."""
+        return _NO_GAP if self.count is None else (self.count - 1) * self.period_ns
+
+    def behind(self, late_ns: int) -> int:
+        """Return how many samples it takes until one is on time again after one that is so late."""
+        return 0 if late_ns <= 0 else -(-late_ns // self.pause_ns)
+
+    def busy_ns(self, rooms_ns: Sequence[int]) -> int:
+        """Return within which time each of these readings finds its place once, and no sample is late after that."""
+        fitting = sum(room for room in rooms_ns if room <= self.pause_ns)
+        pauses = -(-fitting // self.pause_ns)
+        among = 2 * fitting + self.sample_ns if pauses <= 1 else pauses * self.period_ns + fitting
+        large = [room for room in rooms_ns if room > self.pause_ns]
+        return among + sum(room + (self.behind(room - self.pause_ns) + 2) * self.period_ns for room in large)
+
+
+def refusal(pace: Pace, monitors: Sequence[Monitor]) -> str:
+    """Return why rate, gap and maximum ages cannot all hold in a recording, with the figures; empty if they can.
+
+    Every figure is the best that was seen: the shortest sample, the shortest reading. A recording that begins is read
+    around, so that only limits count whose last reading would become too old before its end.
+
+    Args:
+        pace: of the recording.
+        monitors: the limits that its rows do not feed.
+    """
+    if pace.pause_ns <= 0:
+        return f"a sample takes {_ms(pace.sample_ns)}, and one is due every {_ms(pace.period_ns)}: lower the rate"
+    for each in monitors:
+        if each.least_room_ns + pace.sample_ns > each.limit.period_s * NANOSECONDS:
+            return (
+                f"a sample takes {_ms(pace.sample_ns)}, the reading of {each.limit.id} {_ms(each.least_room_ns)} with"
+                f" a quarter to spare: it cannot be read every {each.limit.period_s:g} s between samples; lengthen the"
+                " period of the limit, or record fewer roles together"
+            )
+    within_ns = pace.lasts_ns + sum(each.least_room_ns for each in monitors)
+    inside = [each for each in monitors if each.least_room_ns and each.allowed_ns < within_ns]
+    for each in inside:
+        needs_ns = each.least_room_ns + pace.sample_ns
+        if each.least_room_ns > pace.pause_ns and pace.gap_ns is not None and needs_ns > pace.gap_ns:
+            return (
+                f"{each.limit.id} has to be read at least every {_s(each.allowed_ns)} (its maximum age less its"
+                f" period), and the recording lasts {_s(pace.lasts_ns)}; its reading takes {_ms(each.least_room_ns)}"
+                f" with a quarter to spare, between two samples there are {_ms(pace.pause_ns)}, and with a sample of"
+                f" {_ms(pace.sample_ns)} that makes a gap of {_ms(needs_ns)}, where {_ms(pace.gap_ns)} are allowed:"
+                " lower the rate, shorten the recording, allow a longer gap or a longer maximum age"
+            )
+    allowed_ns = min((each.allowed_ns for each in inside), default=_NO_GAP)
+    busy_ns = pace.busy_ns([each.least_room_ns for each in inside])
+    if 2 * busy_ns > allowed_ns:
+        named = ", ".join(f"{each.limit.id} {_ms(each.least_room_ns)}" for each in inside)
+        return (
+            f"the readings that are due within it ({named}, with a quarter to spare) need {_s(busy_ns)} between samples"
+            f" of {_ms(pace.sample_ns)} every {_ms(pace.period_ns)}, which is more than half of {_s(allowed_ns)}, the"
+            " shortest maximum age less its period: lower the rate, or allow a longer maximum age"
+        )
+    return ""
+
+
+class Share:
+    """What a recording that is being taken leaves of the bus to the monitors.
+
+    A reading that fits between two samples takes its place there. A longer one is taken where the gap stays short
+    enough and the samples are on time again before the last one; the maximum age goes before all of that.
+
+    Args:
+        pace: how it samples.
+        start_ns: when the first sample is due.
+        monitors: all of them.
+    """
+
+    def __init__(self, pace: Pace, start_ns: int, monitors: Sequence[Monitor]) -> None:
+        self.pace = pace
+        self._start_ns = start_ns
+        self._next = 0
+        self._last_ns = start_ns
+        self._end_ns = start_ns + pace.lasts_ns
+        self._monitors = monitors
+
+    @property
+    def lead_ns(self) -> int:
+        """How much sooner than it has to be a reading is taken, so that all of them find a place."""
+        return self.pace.busy_ns([each.room_ns for each in self._monitors]) if self.pace.pause_ns > 0 else 0
+
+    def sampled(self, index: int, now_ns: int) -> None:
+        """Note that a sample has been taken."""
+        self._next, self._last_ns = index + 1, now_ns
+
+    def before(self, monitor: Monitor) -> bool:
+        """Return whether a limit is to be read before the first sample: between two it would find no room in time."""
+        wanted_ns = max(monitor.room_ns, sum(each.room_ns for each in self._monitors))
+        return wanted_ns > self.pace.pause_ns and monitor.overdue_ns < self._end_ns
+
+    def fits_early(self, monitor: Monitor, until_ns: int) -> bool:
+        """Return whether a reading for which there is room now may find none later."""
+        return monitor.latest_ns <= until_ns + self.lead_ns
+
+    def admits(self, monitor: Monitor, now_ns: int) -> bool:
+        """Return whether a limit may be read now, although the next sample will be late."""
+        if now_ns >= monitor.latest_ns or self.pace.pause_ns <= 0:
+            return now_ns >= monitor.overdue_ns
+        if monitor.doubtful and now_ns >= monitor.due_ns:
+            return True
+        soon = monitor.latest_ns < self._end_ns and now_ns >= min(monitor.due_ns, monitor.latest_ns - self.lead_ns)
+        if not (soon or now_ns >= monitor.overdue_ns):
+            return False
+        then_ns = now_ns + monitor.room_ns
+        if self.pace.gap_ns is not None and then_ns + self.pace.sample_ns - self._last_ns > self.pace.gap_ns:
+            return False
+        behind = self.pace.behind(then_ns - self._start_ns - self._next * self.pace.period_ns)
+        return self.pace.count is None or self._next + behind < self.pace.count
+
+
+class Bus:
+    """What the executive uses a bench's instruments for beside the case, and which recordings share them.
+
+    Attributes:
+        shares: those of the recordings that are being taken.
+    """
+
+    def __init__(self) -> None:
+        self.shares: list[Share] = []
+        self._uses: deque[tuple[int, int, str]] = deque(maxlen=_REMEMBERED)
+        self._lasts_ns: dict[str, int] = {}
+
+    def note(self, what: str, began_ns: int, ended_ns: int) -> None:
+        """Note what took time."""
+        if ended_ns > began_ns:
+            self._uses.append((began_ns, ended_ns, what))
+
+    @contextmanager
+    def used_for(self, what: str, clock: Clock) -> Iterator[None]:
+        """Note what takes the time of this block."""
+        began_ns = clock.now_ns()
+        yield
+        self.note(what, began_ns, clock.now_ns())
+
+    def between(self, began_ns: int, ended_ns: int) -> str:
+        """Return what took the most time between two instants, empty if nothing did that is known."""
+        taken: dict[str, int] = {}
+        for began, ended, what in self._uses:
+            if (common := min(ended, ended_ns) - max(began, began_ns)) > 0:
+                taken[what] = taken.get(what, 0) + common
+        return max(taken, key=lambda what: taken[what], default="")
+
+    def sample_ns(self, source: str) -> int:
+        """Return how long a sample of these roles took at least, 0 if none was taken yet."""
+        return self._lasts_ns.get(source, 0)
+
+    def sampled(self, source: str, lasted_ns: int) -> None:
+        """Note how long a sample of these roles took."""
+        self._lasts_ns[source] = min(lasted_ns, self._lasts_ns.get(source, lasted_ns))
+
+    def room(self, monitor: Monitor, now_ns: int, until_ns: int) -> bool:
+        """Return whether a monitor takes its turn now, in a wait until `until_ns`; at that instant nothing waits."""
+        due, fits = now_ns >= monitor.due_ns, until_ns - now_ns >= monitor.room_ns
+        if not self.shares:
+            return due and (fits or now_ns >= monitor.overdue_ns)
+        if fits and (due or any(each.fits_early(monitor, until_ns) for each in self.shares)):
+            return True
+        return all(each.admits(monitor, now_ns) for each in self.shares)
+
+    @property
+    def lead_ns(self) -> int:
+        """How much sooner than they are due monitors may take their turns."""
+        return max((each.lead_ns for each in self.shares), default=0)
+
+
+class Course:
+    """How the sampling of a recording went: when samples were due, when they were taken, and what came between.
+
+    Args:
+        bus: knows what else used it.
+        period_ns: from sample to sample.
+        otherwise: what it was if nothing of that did.
+    """
+
+    def __init__(self, bus: Bus, period_ns: int, otherwise: str) -> None:
+        self._bus = bus
+        self._period_ns = period_ns
+        self._otherwise = otherwise
+        self._taken: dict[int, tuple[int, int]] = {}
+        self._worst = (0, "")
+        self._start_ns: int | None = None
+        self._ended_ns = 0
+
+    def sampled(self, index: int, due_ns: int, began_ns: int, ended_ns: int) -> None:
+        """Note a sample: when it was due, when it was asked for, and when it had come."""
+        if self._start_ns is None:
+            self._start_ns, self._ended_ns = due_ns - index * self._period_ns, due_ns
+        since_ns = max(due_ns, self._ended_ns)
+        if began_ns - since_ns > self._worst[0]:
+            cause = self._bus.between(self._ended_ns, began_ns) or self._otherwise
+            self._worst = began_ns - since_ns, f"{cause} delayed sample {index + 1} by {_ms(began_ns - since_ns)}"
+        self._taken[index] = began_ns, ended_ns
+        self._ended_ns = ended_ns
+
+    def undisturbed_ns(self, *, own: bool) -> list[int]:
+        """Return when the samples would have come without what came between, and without single ones that took long.
+
+        Args:
+            own: whether the time that a sample usually takes counts: it is that of the device under test.
+        """
+        usual_ns = self._usual_ns if own else 0
+        times: list[int] = []
+        for index in range(min(self._taken, default=0), max(self._taken, default=-1) + 1):
+            due_ns = (self._start_ns or 0) + index * self._period_ns
+            times.append(max(due_ns, times[-1] if times else due_ns) + usual_ns)
+        return times
+
+    @property
+    def cause(self) -> str:
+        """What disturbed it most, in a sentence without a full stop; empty if nothing did."""
+        usual_ns = self._usual_ns
+        longest = max(self._taken, key=self._lasted_ns, default=None)
+        if longest is not None and (over_ns := self._lasted_ns(longest) - usual_ns) > self._worst[0]:
+            told = f"sample {longest + 1} took {_ms(self._lasted_ns(longest))}, where {_ms(usual_ns)} are usual"
+            return f"{told}: the instrument, its line or the computer was held up" if over_ns > 0 else told
+        if self._worst[1]:
+            return self._worst[1]
+        return f"a sample took {_ms(usual_ns)}, and one was due every {_ms(self._period_ns)}" if self._taken else ""
+
+    @property
+    def resolution_s(self) -> float:
+        """The standard uncertainty of a sample's time in s: it was taken at some instant while it was asked for."""
+        return self._usual_ns / NANOSECONDS / math.sqrt(12)
+
+    @property
+    def _usual_ns(self) -> int:
+        return median_low([ended - began for began, ended in self._taken.values()]) if self._taken else 0
+
+    def _lasted_ns(self, index: int) -> int:
+        began_ns, ended_ns = self._taken[index]
+        return ended_ns - began_ns
+
+
+def _ms(duration_ns: int) -> str:
+    return f"{duration_ns / 1e6:.4g} ms"
+
+
+def _s(duration_ns: int) -> str:
+    return f"{duration_ns / NANOSECONDS:.4g} s"

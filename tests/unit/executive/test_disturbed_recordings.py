@@ -1,0 +1,129 @@
+"""What disturbed a recording is named, and its rate and gaps are not held against the article."""
+
+from __future__ import annotations
+
+import pytest
+from case_parts import Case, limit
+
+from hil.executive.watching.sharing import Bus, Course
+from hil.model.errors import Misused
+from hil.requirements.requirement import Kind, Records, Requirement
+
+
+def asked(*, rate=10.0, max_gap=0.2):
+    """Return a requirement for a second of the field."""
+    records = Records(recording="field", channels=("x", "y"), rate_hz=rate, duration_s=1.0, max_gap_s=max_gap)
+    return Requirement(id="T-1", rev=1, text="Record.", kind=Kind.RECORD, records=records)
+
+
+def judged(case):
+    """Return the verdict and the reason of every criterion."""
+    case.run.finish()
+    return {each.parameter: (str(each.verdict), each.reason) for each in case.run.check.evaluated}
+
+
+def held_up(case, *numbers, seconds=0.3):
+    """Let these samples take longer."""
+    sample, taken = case.sensor.sample, iter(range(10**6))
+
+    def slow():
+        if not numbers or next(taken) in numbers:
+            case.clock.sleep(seconds)
+        return sample()
+
+    case.sensor.sample = slow
+
+
+@pytest.mark.parametrize("dut", [False, True])
+def test_a_sample_that_takes_long_once_is_inconclusive(tmp_path, dut):
+    """Whether the instrument or the computer was held up, nobody can tell."""
+    case = Case(tmp_path, asked=(asked(),), dut=dut)
+    held_up(case, 4)
+    case.run.record("field", case.field, duration=1.0, rate=10.0)
+    verdict, reason = judged(case)["max_gap"]
+    assert verdict == "INCONCLUSIVE"
+    assert reason.startswith("sample 5 took 301 ms, where 1 ms are usual")
+
+
+def test_a_device_under_test_that_is_always_slow_fails(tmp_path):
+    """The time that its samples usually take is its own affair."""
+    case = Case(tmp_path, asked=(asked(max_gap=0.1),), dut=True)
+    held_up(case, seconds=0.3)
+    case.run.record("field", case.field, duration=1.0, rate=10.0)
+    found = judged(case)
+    assert found["rate"] == ("FAIL", "3.32226 Hz is below the minimum of 9.99 Hz")
+
+
+def test_an_instrument_that_is_always_slow_is_inconclusive(tmp_path):
+    """It is none of the article's; the next recording is refused, since by now it is known."""
+    case = Case(tmp_path, asked=(asked(),))
+    held_up(case, seconds=0.3)
+    case.run.record("field", case.field, duration=1.0, rate=10.0)
+    assert judged(case)["rate"] == ("INCONCLUSIVE", "a sample took 301 ms, and one was due every 100 ms")
+    with pytest.raises(Misused, match="a sample takes 301 ms, and one is due every 100 ms: lower the rate"):
+        case.run.record("field", case.field, duration=1.0, rate=10.0)
+
+
+def test_a_reading_too_long_for_the_gap_is_refused_before_the_first_sample(tmp_path):
+    """Nothing is known of the samples yet, and the reading alone makes too long a gap."""
+    case = Case(tmp_path, asked=(asked(max_gap=0.2),), watched=[(limit("slow", period=0.5, max_age=1.0), 0.18)])
+    case.scheduler.sleep(1.0)
+    told = (
+        r"slow has to be read at least every 0.5 s .* its reading takes 225 ms .* makes a gap of 225 ms, where 200 ms"
+    )
+    with pytest.raises(Misused, match=told):
+        case.run.record("field", case.field, duration=1.0, rate=10.0)
+    assert case.written.of("recording") == []
+
+
+def test_a_plan_that_samples_too_slowly_fails(tmp_path):
+    """Nothing disturbed it: the recording is what was asked for, and that is too little."""
+    case = Case(tmp_path, asked=(asked(rate=20.0),))
+    case.run.record("field", case.field, duration=1.0, rate=10.0)
+    assert judged(case)["rate"][0] == "FAIL"
+
+
+def test_a_recording_beside_a_case_that_lets_no_turn_be_taken_names_it(tmp_path):
+    """A sample that was missed is a gap, and the case made it."""
+    case = Case(tmp_path, asked=(asked(),))
+    with case.run.record.during("field", case.field, rate=10.0):
+        case.scheduler.sleep(0.5)
+        case.clock.sleep(0.45)
+        case.scheduler.sleep(0.5)
+    verdict, reason = judged(case)["max_gap"]
+    assert verdict == "INCONCLUSIVE"
+    assert reason.startswith("the case, which let no turn be taken, delayed sample 7 by ")
+
+
+def test_a_reading_that_delayed_a_sample_is_named():
+    """The maximum age of a limit goes before the recording, which says so."""
+    bus = Bus()
+    course = Course(bus, 100, "the computer")
+    course.sampled(0, 0, 0, 10)
+    bus.note("the reading of slow", 20, 2_000_000)
+    course.sampled(1, 100, 2_000_000, 2_000_010)
+    assert course.cause == "the reading of slow delayed sample 2 by 2 ms"
+    assert course.undisturbed_ns(own=True) == [10, 110]
+
+
+def test_what_used_the_bus_longest_is_named():
+    """Of several things between two instants, the one that took the most time."""
+    bus = Bus()
+    bus.note("the reading of a", 0, 100)
+    bus.note("the heartbeat of b", 100, 400)
+    bus.note("the reading of a", 400, 450)
+    assert bus.between(0, 450) == "the heartbeat of b"
+    assert bus.between(0, 150) == "the reading of a"
+    assert bus.between(500, 600) == ""
+
+
+def test_a_recording_is_not_interrupted_by_a_reading_that_can_be_before_it(tmp_path):
+    """A reading of 60 ms does not fit between samples every 25 ms, so it is taken before the first one."""
+    case = Case(
+        tmp_path, asked=(asked(rate=40.0, max_gap=0.1),), watched=[(limit("slow", period=5.0, max_age=20.0), 0.06)]
+    )
+    case.scheduler.sleep(9.7)
+    case.clock.sleep(0.1)
+    taken = case.run.record("field", case.field, duration=1.0, rate=40.0)
+    assert max(taken.time[1:] - taken.time[:-1]) == pytest.approx(0.025)
+    assert {verdict for verdict, _ in judged(case).values()} == {"RECORDED"}
