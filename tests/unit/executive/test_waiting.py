@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+from contextlib import nullcontext
 
 import pytest
 from case_parts import Case
+from typed_events import event_of
 
+from hil.executive.cases.effects import Recall
 from hil.executive.cases.waiting import CaseClock, span
-from hil.model.errors import Misused, NotMet
+from hil.model.errors import Diverged, Misused, NotMet
 from hil.model.verdict import Verdict
 
 
@@ -93,3 +96,16 @@ def test_what_cannot_be_waited_for_is_refused(case, wrong):
     with pytest.raises(Misused, match=r"clock\.until"):
         CaseClock(case.run).until(lambda: True, **wrong)
     assert case.run.outcome().verdict is Verdict.ERROR
+
+
+def test_run_again_it_has_to_come_to_the_same(tmp_path):
+    """Its looks are readings of the record, in order; another duration is DIVERGED."""
+    (first := tmp_path / "first").mkdir()
+    case = Case(first, "T-010")
+    took = CaseClock(case.run).until(rising(case, 0.1), within=1.0)
+    record = [event_of(**event) for event in case.written.of("effect")]
+    for at, name in ((0.1, "same"), (0.15, "other")):
+        (folder := tmp_path / name).mkdir()
+        again = Case(folder, "T-010", recall=Recall(record, frozenset({"asks"})))
+        with nullcontext() if at == 0.1 else pytest.raises(Diverged):
+            assert CaseClock(again.run).until(rising(again, at), within=1.0) == took
