@@ -5,6 +5,7 @@ Its four instruments speak four families of protocols: SCPI over TCP, Korad, Mod
 
 from __future__ import annotations
 
+import re
 import signal
 import time
 from dataclasses import replace
@@ -16,14 +17,13 @@ from live_runs import live_workspace, running, seconds_until, served
 
 from hil.evidence.safed import guardian_lines, last_act
 
-pytestmark = [pytest.mark.system, pytest.mark.alone, pytest.mark.timeout(600)]
+pytestmark = [pytest.mark.system, pytest.mark.alone, pytest.mark.timeout(900)]
 
-LATENCIES_S = [(0.04, 0.04), (0.15, 0.15), (0.35, 0.35), (0.002, 0.45)]
-"""From the beginning, and from when every output is on.
+LATENCIES_S = [(0.04, 0.04), (0.15, 0.15), (0.45, 0.45), (0.002, 0.45)]
+"""From the beginning, and from when every output is on."""
 
-A reply may take 0.5 s in all: with the time that the supply needs for a reading, a line of 0.45 s is beyond that, and
-the bench is not armed. Once it is armed, the guardian proves it safe over such a line, too.
-"""
+TIMEOUT = "900 ms"
+"""What the bench file says of each instrument: the line's time, the instrument's own, and that of a busy machine."""
 
 SAFE_S = 4.0
 """Within which every output is off: nothing that is sent waits for a reply, and a busy machine has its time."""
@@ -44,9 +44,10 @@ def test_a_run_at_a_distance(tmp_path, tmp_path_factory, first_s, then_s, end):
     near, away = tmp_path_factory.mktemp("b") / "e", tmp_path_factory.mktemp("b") / "e"
     workspace = live_workspace(tmp_path / "w", watched=False)
     file = workspace.root / "fixtures/benches/battery/bench.yaml"
-    file.write_text(file.read_text().replace("within: 3 s", "within: 15 s"))  # some ten exchanges at a distance
+    told = file.read_text().replace("within: 3 s", "within: 15 s")  # some ten exchanges at a distance
+    file.write_text(re.sub(r"(?m)^( +)(driver: .+)$", rf"\1\2\n\1timeout: {TIMEOUT}", told))
     with served(near) as bench, at_a_distance(near, away, first_s) as distance:
-        with running(replace(bench, folder=away), workspace, limit_s=300.0) as run:
+        with running(replace(bench, folder=away), workspace, limit_s=700.0) as run:
             distance.latency_s = then_s
             began = time.monotonic()
             seconds_until(lambda: time.monotonic() - began > STAYS_S or run.process.poll() is not None, 60.0, "a while")
