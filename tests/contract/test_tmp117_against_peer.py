@@ -10,7 +10,7 @@ from sensor_bench import CHIPS, Bench, SensorChip
 
 from hil.instruments.registry import DRIVERS
 from hil.model.bench import Wire
-from hil.model.errors import NoReply, Refused, WrongIdentity
+from hil.model.errors import NoReply, Refused, Rejected, WrongIdentity
 from hil.model.identity import Identity
 from hil.simulation.registry import PEERS
 from hil.simulation.truth import TruthError
@@ -153,6 +153,24 @@ def test_what_is_wrong_at_the_start(faults, error, message):
     """Whoever answers instead, or nobody, or a line that is held."""
     with pytest.raises(error, match=message):
         bench(faults=faults).sensor.start()
+
+
+@pytest.mark.parametrize("times", [1, 2], ids=["shutdown", "conversion"])
+def test_a_configuration_that_reads_back_otherwise_is_refused(times):
+    """Somebody else at the bus has set another averaging in between; nothing is measured with it."""
+    made = bench(settings={"averages": "8"})
+    write, sent = made.bus.write_i2c_block_data, []
+
+    def disturbed(address, register, data):
+        write(address, register, data)
+        sent.append(data)
+        if len(sent) == times:
+            write(address, register, [0x00, 0x60])
+
+    made.bus.write_i2c_block_data = disturbed
+    with pytest.raises(Rejected, match=r"CONFIGURATION was set to 0x0\w+ and reads back 0x0060"):
+        made.sensor.start()
+    assert len(sent) == times
 
 
 def test_beyond_its_range_there_is_no_number():
