@@ -342,6 +342,17 @@ def test_a_case_that_the_command_line_skips_is_a_deviation(tmp_path):
     assert "jig in repair" in found.out
 
 
+def test_the_only_cases_that_are_run_are_a_deviation(tmp_path):
+    """The others were planned and are NOT_RUN, nothing closes, and the results are also where a CI server looks."""
+    junit = tmp_path / "results.xml"
+    found = ran(tmp_path, CHECK.format(value="1.0"), LAST, only=("test_last",), junit=junit)
+    agreed(found, {"test_one": "NOT_RUN", "test_last": "PASS"}, "NOT_RUN", 1)
+    assert found.reasons("test_one") == "left out by --only"
+    reasons = {reason for item in results_as_json(found.package)["requirements"] for reason in item["reasons"]}
+    assert "deviation: only these cases are run: test_last" in reasons
+    assert junit.read_bytes() == (found.package.folder / "data/report/junit.xml").read_bytes()
+
+
 def test_an_orphan_is_listed_and_is_no_pass(tmp_path):
     """A case without a requirement is told, runs, and is NOT_EVALUATED."""
     found = ran(tmp_path, CHECK.format(value="1.0"), "def test_two():\n    pass")

@@ -13,11 +13,13 @@ from hil.model.errors import Refused
 
 __all__ = [
     "ACKNOWLEDGE_WITHIN",
+    "ANSWERS",
     "SERVED",
     "attendance_of",
     "attendance_options",
     "deviation_options",
     "name_option",
+    "only_of",
     "overrides_of",
     "skips_of",
     "unit_option",
@@ -30,6 +32,11 @@ SERVED = click.option(
     type=click.Path(path_type=Path),
     metavar="FOLDER",
     help="The folder in which hil simulate serves the bench.",
+)
+ANSWERS = click.option(
+    "--answers",
+    type=click.Path(path_type=Path, exists=True, dir_okay=False),
+    help="File with answers to the plan's questions.",
 )
 ACKNOWLEDGE_WITHIN = click.option(
     "--acknowledge-within",
@@ -92,8 +99,9 @@ def attendance_of(options: Mapping[str, Any], *, left_alone: bool) -> dict[str, 
 
 
 def deviation_options(command: _Command) -> _Command:
-    """Give a command the options `--skip`, `--reason` and `--parameter`, as `skips`, `reasons` and `overrides`."""
+    """Give a command `--only`, `--skip`, `--reason` and `--parameter`: `only`, `skips`, `reasons`, `overrides`."""
     options = (
+        click.option("--only", multiple=True, metavar="CASE", help="Run only this case; the run then deviates."),
         click.option("--skip", "skips", multiple=True, metavar="CASE", help="Skip a case; give its --reason as well."),
         click.option("--reason", "reasons", multiple=True, metavar="TEXT", help="Why the case is skipped."),
         click.option(
@@ -107,6 +115,19 @@ def deviation_options(command: _Command) -> _Command:
     for option in reversed(options):
         command = option(command)
     return command
+
+
+def only_of(cases: Sequence[str]) -> tuple[str, ...]:
+    """Return the only cases that are run, sorted.
+
+    Raises:
+        Refused: where nothing is named, or a case is named twice.
+    """
+    if not all(case.strip() for case in cases):
+        raise Refused("--only is empty", "name the case as hil plan shows it")
+    if twice := [case for case in cases if cases.count(case) > 1]:
+        raise Refused(f"--only {twice[0]} is given {cases.count(twice[0])} times", "name every case once")
+    return tuple(sorted(cases))
 
 
 def skips_of(cases: Sequence[str], reasons: Sequence[str]) -> dict[str, str]:

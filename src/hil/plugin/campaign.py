@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Callable, Generator, Sequence
 from typing import NoReturn
@@ -15,13 +16,16 @@ from hil.executive.setup.configuration import Configuration
 from hil.executive.setup.head import DESELECTED, ENDED_BEFORE, PlannedCase
 from hil.model.errors import HilError
 from hil.model.verdict import Verdict
+from hil.plugin.options import MARKERS
 from hil.plugin.plans.case_fixtures import case_fixtures
-from hil.plugin.plans.collection import MARKERS, plan_cases, skipped_cases
+from hil.plugin.plans.collection import plan_cases, skipped_cases
 from hil.plugin.plans.fixture_modules import load_fixture_modules
 from hil.plugin.plans.frozen_code import FrozenCode
 from hil.plugin.plans.plan_sources import refuse_sources
 
 __all__ = ["Campaign", "Opener"]
+
+_NOT_PYTHON = re.compile(r"^E +(SyntaxError|IndentationError|TabError): ", re.MULTILINE)
 
 Opener = Callable[[Configuration, Sequence[PlannedCase]], Session]
 """Opens the session once the cases are known."""
@@ -81,12 +85,16 @@ class Campaign:
     def pytest_make_collect_report(
         self, collector: pytest.Collector
     ) -> Generator[None, pytest.CollectReport, pytest.CollectReport]:
-        """Let a module that ends the process be one that cannot be collected."""
+        """Let a module that ends the process be one that cannot be collected; of one that is not Python, show where."""
         try:
-            return (yield)
+            report = yield
         except SystemExit as error:
             text = f"E the module ends the process (sys.exit({error.code!r})): remove it, a run ends by itself"
             return pytest.CollectReport(collector.nodeid, "failed", text, [])
+        if report.failed and _NOT_PYTHON.search(report.longreprtext):
+            told = [line for line in report.longreprtext.splitlines() if line.startswith("E ")]
+            report.longrepr = "\n".join(told)  # how it came to be read is of no use to anybody
+        return report
 
     def pytest_collectreport(self, report: pytest.CollectReport) -> None:
         """Keep what could not be collected, for the error that a person sees.
@@ -99,14 +107,17 @@ class Campaign:
             text = "E the module skips itself: skip its cases one by one, so that each is NOT_RUN with its reason"
             self.collection_errors.append((report.nodeid, text))
 
-    @pytest.hookimpl(tryfirst=True)
-    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
-        """Freeze the planned cases before anything is deselected."""
-        if self.collection_errors:
-            return
+    @pytest.hookimpl(wrapper=True, tryfirst=True)
+    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> Generator[None, object, object]:
+        """Freeze the planned cases before anything is deselected or shuffled."""
+        if not self.collection_errors:
+            self._plan(items)
+        return (yield)
+
+    def _plan(self, items: list[pytest.Item]) -> None:
         try:
             self._planned = plan_cases(items, self.configuration)
-            self._skipped = skipped_cases(self._planned, self.configuration.request.skips)
+            self._skipped = skipped_cases(self._planned, self.configuration.request)
         except HilError as error:
             self._refuse(error)
 
@@ -144,10 +155,18 @@ class Campaign:
             return (yield)
         except BaseException as error:
             run.raised(error)
+            self._tear_down(item, run)
             raise
         finally:
             self.running.end(run)
             self._ended.add(item.nodeid)
+
+    def _tear_down(self, item: pytest.Item, run: CaseRun) -> None:
+        """Tear down the fixtures of a case that ends pytest, as `q` in a debugger does; after the seal is too late."""
+        try:
+            item.session._setupstate.teardown_exact(None)  # noqa: SLF001 - pytest has no public way to it
+        except BaseException as error:  # noqa: BLE001 - whatever it is, pytest is on its way out
+            run.raised(error)
 
     @pytest.hookimpl(wrapper=True, trylast=True)
     def pytest_runtest_setup(self) -> Generator[None, object, object]:

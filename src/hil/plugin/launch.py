@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import bdb
 import os
 import re
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +20,7 @@ from hil.executive.setup.configuration import Configuration
 from hil.executive.setup.ground import Ground
 from hil.model.errors import ConfigurationError, Finding, Refused
 from hil.plugin.campaign import Campaign, Opener
-from hil.plugin.plans.collection import MARKERS
+from hil.plugin.plans.collection import KNOWN
 from hil.plugin.plans.frozen_code import frozen_code
 
 __all__ = ["Launched", "launch"]
@@ -31,8 +32,6 @@ norecursedirs =
 filterwarnings =
     default
 """
-
-_KNOWN = (*(each.partition("(")[0] for each in MARKERS), "parametrize", "skip", "skipif", "usefixtures", "xfail")
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +53,7 @@ def launch(configuration: Configuration, opener: Opener) -> Launched:
         folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="hil-"))
         stack.enter_context(_own_environment())
         stack.enter_context(_own_modules(configuration.ground))
+        stack.enter_context(_no_debugger())
         campaign = Campaign(configuration, opener, stack.enter_context(frozen_code(configuration)))
         ini = Path(folder) / "pytest.ini"
         ini.write_text(_INI, encoding="ascii")
@@ -93,6 +93,7 @@ def _arguments(configuration: Configuration, ini: Path) -> list[str]:
         "--strict-markers",
         *("-p", "no:terminal"),
         *("-p", "no:cacheprovider"),
+        *("-p", "no:debugging"),
         "--capture=no",
         *(str(plan) for plan in configuration.plans),
     ]
@@ -129,6 +130,33 @@ def _own_modules(ground: Ground) -> Iterator[None]:
             del sys.modules[name]
 
 
+@contextmanager
+def _no_debugger() -> Iterator[None]:
+    """Refuse `breakpoint()` and every debugger that is one of Python's; what was set is put back."""
+    before = sys.breakpointhook, bdb.Bdb.set_trace
+    sys.breakpointhook = _refuse_debugger
+    _replace_set_trace(_refuse_debugger)
+    try:
+        yield
+    finally:
+        sys.breakpointhook = before[0]
+        _replace_set_trace(before[1])
+
+
+def _replace_set_trace(function: Callable[..., None]) -> None:
+    bdb.Bdb.set_trace = function  # type: ignore[method-assign]
+
+
+def _refuse_debugger(*_: object, **__: object) -> None:
+    """Come in the place of a debugger.
+
+    Raises:
+        Refused: always.
+    """
+    what = "a debugger would hold the case while outputs are on, and nobody would watch the limits"
+    raise Refused(what, "debug with plain pytest on the simulated bench: pytest PLAN --bench NAME --dut SERIAL")
+
+
 def _is_inside(module: object, ground: Ground) -> bool:
     places = [getattr(module, "__file__", None) or "", *getattr(module, "__path__", ())]
     return any(place and ground.is_own(place) for place in places)
@@ -154,5 +182,5 @@ def _unknown_marker(where: str, name: str, root: Path) -> Finding:
     except (OSError, UnicodeDecodeError):
         lines = []
     line = next((number for number, text in enumerate(lines, 1) if re.search(rf"\bmark\.{name}\b", text)), 0)
-    hint = did_you_mean(name, _KNOWN) or f"; a case can have {', '.join(_KNOWN)}"
+    hint = did_you_mean(name, KNOWN) or f"; a case can have {', '.join(KNOWN)}"
     return Finding(path=where, line=line, column=min(line, 1), message=f"unknown marker '{name}'{hint}")

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from contextlib import ExitStack
+from collections.abc import Generator, Sequence
+from contextlib import ExitStack, suppress
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 import pytest
+from _pytest.fixtures import reorder_items  # pytest has no public way to it
 
 from hil.evidence.package.contents import Package
-from hil.executive.setup.configuration import Request, configure
+from hil.executive.setup.configuration import Configuration, Request, configure, fitting_plans
 from hil.model.errors import HilError, Refused
 from hil.model.identity import Source
 from hil.plugin.campaign import Campaign
@@ -36,7 +38,7 @@ class Chosen:
 
     def __init__(self, arguments: Sequence[str], plans: Sequence[Path]) -> None:
         self._arguments = tuple(arguments)
-        whole = (_plan_of(argument, plans) for argument in self._arguments)
+        whole = (plan for argument in self._arguments for plan in _plans_of(argument, plans))
         self.whole = list(dict.fromkeys(whole))
         self.single = any(not Path(argument).is_dir() for argument in self._arguments)
 
@@ -60,9 +62,12 @@ class Chosen:
             items[:] = named
 
 
-def _plan_of(argument: str, plans: Sequence[Path]) -> str:
+def _plans_of(argument: str, plans: Sequence[Path]) -> Sequence[str]:
+    """Return the plans of the run that an argument is in or holds; itself, if there are none."""
     path = Path(argument.partition("::")[0]).resolve()
-    return str(path.parent) if path.parent in plans and not path.is_dir() else argument
+    if path.parent in plans and not path.is_dir():
+        return [str(path.parent)]
+    return [str(plan) for plan in plans if path in plan.parents] or [argument]
 
 
 def _is_meant(item: pytest.Item, argument: str) -> bool:
@@ -71,16 +76,44 @@ def _is_meant(item: pytest.Item, argument: str) -> bool:
     return item.path.is_relative_to(path) and (not name or own == name or own.startswith((f"{name}::", f"{name}[")))
 
 
+class _InPlanOrder:
+    """Runs the cases in the order of their plans, whatever other plugins and options make of it.
+
+    Args:
+        told: what pytest says once the cases are collected, besides.
+    """
+
+    def __init__(self, told: Sequence[str]) -> None:
+        self._told = list(told)
+
+    @pytest.hookimpl(wrapper=True, tryfirst=True)
+    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> Generator[None, object, object]:
+        """Put what is left of the cases into the order in which they were collected."""
+        place = {item: number for number, item in enumerate(reorder_items(items))}
+        result = yield
+        before = list(items)
+        items.sort(key=lambda item: place.get(item, len(place)))
+        if before != items:
+            self._told.append(
+                "hil: the cases run in the order of their plan, not in the one that pytest was to give them"
+            )
+        return result
+
+    def pytest_report_collectionfinish(self) -> list[str]:
+        """Say what differs from what was asked for."""
+        return self._told
+
+
 def configure_plain(config: pytest.Config) -> None:
     """Register a campaign for the plans named on pytest's command line.
 
     Raises:
-        pytest.UsageError: for hardware, for distributed or reordered runs, for a root folder that is not the
+        pytest.UsageError: for hardware, for distributed or repeated cases, for a root folder that is not the
             workspace's, and for wrong files.
     """
     try:
         _refuse_others(config)
-        configuration = configure(_request(config))
+        configuration = _configured(config)
         _refuse_other_root(config, configuration.workspace.root)
         stack = ExitStack()
         config.add_cleanup(stack.close)
@@ -90,10 +123,24 @@ def configure_plain(config: pytest.Config) -> None:
         raise pytest.UsageError(str(error)) from None
     config.pluginmanager.register(campaign, "hil_campaign")
     config.pluginmanager.register(_Seal(campaign), "hil_seal")
+    notices = _notices(config, configuration)
     chosen = Chosen(config.args, configuration.plans)
+    config.args = chosen.whole
     if chosen.single:
-        config.args = chosen.whole
         config.pluginmanager.register(chosen, "hil_chosen")
+    # With it, --lf would not even collect what passed; without it, it takes it out afterwards.
+    if config.pluginmanager.has_plugin("lfplugin-collwrapper"):
+        config.pluginmanager.unregister(name="lfplugin-collwrapper")
+    config.pluginmanager.register(_InPlanOrder(notices), "hil_in_plan_order")
+
+
+def _configured(config: pytest.Config) -> Configuration:
+    """Return what the command line asks for; of plans that only a folder above them names, those for the article."""
+    request = _request(config)
+    named = {Path(str(argument).partition("::")[0]).resolve() for argument in config.args}
+    if any(plan in path.parents or path == plan for plan in map(Path, request.plans) for path in named):
+        return configure(request)
+    return configure(replace(request, plans=fitting_plans(request)))
 
 
 class _Seal:
@@ -119,11 +166,39 @@ class _Seal:
             terminalreporter.write_line(f"package: {self._campaign.session.folder}")
 
 
+def _notices(config: pytest.Config, configuration: Configuration) -> list[str]:
+    """Return a line for the plans that are not for the article, if there are any, and one for each `time.sleep`."""
+    plans = {plan.name for plan in configuration.plans}
+    others = [name for asked in _request(config).plans if (name := Path(asked).name) not in plans]
+    left_out = [f"hil: not for {configuration.dut.serial}, left out: {', '.join(others)}"] if others else []
+    return [*left_out, *(f"hil: {text}" for text in configuration.inputs.sleeps)]
+
+
+_REPEATED = "a case has one verdict in a run, and repeats only what its plan says"
+_ONE = "a bench has one executive, which runs its cases one after the other"
+
+
 def _refuse_others(config: pytest.Config) -> None:
     if config.getoption("source") == Source.HARDWARE:
         raise Refused("plain pytest drives in-process simulated benches only", "use hil run")
-    if config.getoption("numprocesses", None) or config.getoption("reruns", None):
-        raise Refused("a bench has one executive: no -n and no --reruns", "use hil run")
+    if _is_distributed(config):
+        raise Refused(f"pytest-xdist: {_ONE}", "leave out -n, --dist and --tx, also in addopts")
+    if config.getoption("reruns", None) or config.getoption("force_reruns", None) or _ini(config, "reruns"):
+        raise Refused(f"pytest-rerunfailures: {_REPEATED}", "leave out --reruns, also in the settings of pytest")
+    if (config.getoption("count", 1) or 1) != 1 and config.pluginmanager.has_plugin("repeat"):
+        raise Refused(f"pytest-repeat: {_REPEATED}", "leave out --count, and start the run several times")
+
+
+def _is_distributed(config: pytest.Config) -> bool:
+    asked = [config.getoption(name, None) for name in ("numprocesses", "tx", "looponfail")]
+    return any(asked) or config.getoption("dist", "no") != "no"
+
+
+def _ini(config: pytest.Config, name: str) -> object:
+    """Return a setting of another plugin, nothing where there is no such plugin."""
+    with suppress(ValueError):
+        return config.getini(name)
+    return None
 
 
 def _refuse_other_root(config: pytest.Config, root: Path) -> None:

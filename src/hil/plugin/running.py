@@ -33,7 +33,7 @@ from hil.plugin.terminal.progress import Progress
 from hil.report.sentences import uncovered
 from hil.report.summary import closing_lines
 from hil.report.tables import fitting
-from hil.report.write import write_reports
+from hil.report.write import copy_junit, write_reports
 
 __all__ = ["Word", "left_open_lines", "lost_lines", "resume", "run"]
 
@@ -44,8 +44,7 @@ _WITHOUT = {
 }
 """Why there is no package, by exit code."""
 
-_INTERNAL = 3
-_FAILED = 1
+_FAILED, _INTERNAL = 1, 3
 _SMALL = 1_000_000  # bytes of a journal that is derived again as a whole in less than half a second
 
 
@@ -95,7 +94,7 @@ def run(request: Request, out: TextIO, *, verbose: bool = False, word: Word | No
         request: what is run.
         out: where it is shown.
         verbose: whether everything is shown.
-        word: reaches the process that waits for the run's end.
+        word: reaches the process that waits.
     """
     return _run(lambda: configure(request), partial(open_new, alone=True), out, word or _Unheard(), verbose)
 
@@ -177,6 +176,7 @@ class _RunProcess:
         progress.follow(session.folder)
         notifier.attach(session.folder.name, session.keeper.journal)
         self._session, self._notifier = session, notifier
+        _complain(*(f"hil: {text}" for text in configuration.inputs.sleeps))
         _attend(session, notifier)
         self._word.begun(session.folder)
         return session
@@ -288,6 +288,8 @@ def _close(session: Session, notifier: Notifier | None, pytest_code: int, out: T
         _complain(*findings)
         code = _INTERNAL
     word.sealed(code)
+    if problem := copy_junit(session.folder, session.configuration.request.junit):
+        _complain(f"hil: {problem}")
     try:
         _tell(session, digest, out)
     except (OSError, ValueError, KeyboardInterrupt, MemoryError):
@@ -346,9 +348,8 @@ def _tell(session: Session, digest: str, out: TextIO) -> None:
     lines = closing_lines(read_outcome((session.folder / RESULTS).read_bytes()))
     columns = shutil.get_terminal_size().columns if out.isatty() else 0
     out.writelines(f"{line}\n" for line in fitting(lines, columns))
-    out.write(f"\nevidence digest {digest}\n")
-    out.write(f"report  {_shown(session.folder / 'data/report/report.html')}\n")
-    out.write(f"{_shown(session.folder)}\n")
+    package = _shown(session.folder)
+    out.write(f"\nevidence digest {digest}\nreport  {package}/data/report/report.html\n{package}\n")
     out.flush()
 
 
@@ -359,11 +360,9 @@ def _complain(*lines: str) -> None:
 
 
 def _shown(path: Path) -> str:
-    try:
-        here = Path.cwd()
-    except OSError:  # somebody removed the folder that the run was started in
-        return str(path)
-    return str(path.relative_to(here)) if path.is_relative_to(here) else str(path)
+    with suppress(OSError, ValueError):  # somebody removed the folder that the run was started in, or it is elsewhere
+        return str(path.relative_to(Path.cwd()))
+    return str(path)
 
 
 def lost_lines(folder: Path, reason: str, *, unsafe: bool) -> list[str]:

@@ -23,7 +23,7 @@ from hil.report.page.view import RunView
 if TYPE_CHECKING:
     import jinja2
 
-__all__ = ["HTML", "JUNIT", "TEMPLATES", "make_reports", "write_reports"]
+__all__ = ["HTML", "JUNIT", "TEMPLATES", "copy_junit", "make_reports", "write_reports"]
 
 HTML = "report.html"
 JUNIT = "junit.xml"
@@ -70,6 +70,21 @@ def write_reports(package: Package) -> None:
     place.mkdir(parents=True, exist_ok=True)
     for name, content in _reports(package).items():
         write_whole(place / name, content)
+
+
+def copy_junit(folder: Path, place: Path | None) -> str:
+    """Write the results of a run as JUnit XML where somebody wants them, too, and return why that cannot be done.
+
+    Args:
+        folder: the run's folder, with its reports.
+        place: the file to write; nothing is written where it is None.
+    """
+    try:
+        if place is not None:
+            place.write_bytes((folder / REPORT / JUNIT).read_bytes())
+    except OSError as error:
+        return f"{place} could not be written: {error.strerror}; the package has {REPORT}/{JUNIT}"
+    return ""
 
 
 def _reports(package: Package) -> dict[str, bytes]:

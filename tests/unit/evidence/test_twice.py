@@ -83,6 +83,7 @@ def test_what_is_the_same_twice_is_sound(folder):
         ({"dut": DUT | {"serial": "SN2"}}, f"{DUTS}: it has no entry 'SN2', which the run was for"),
         ({"bench": "other"}, f'{BENCH}: field \'bench.name\' is "flight", and the journal has "other"'),
         ({"plans": ["battery"]}, "data/catalogue/battery/requirements.yaml: its requirements cannot be read"),
+        ({"only": ["a"]}, f"{JOURNAL}:1:1: field 'deviations' does not name every changed parameter"),
         ({"skips": {"b": "late"}}, f"{JOURNAL}:1:1: field 'deviations' does not name every changed parameter"),
     ],
 )

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from hil.executive.setup.reach import beyond, numbers_in
+from hil.executive.setup.reach import beyond, numbers_in, sleeps
 
 
 @pytest.mark.parametrize(
@@ -84,3 +84,25 @@ def test_numbers_that_stand_in_a_source_are_found():
     assert {1 / 3.6, 2 / 3.6, 0.25, math.pi, 180.0, 100.0} <= found
     assert 100 / 120.0 not in found
     assert numbers_in(b"def :") == frozenset()
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        b"import time\ntime.sleep(1)",
+        b"from time import sleep\nsleep(1)",
+        b"import time as wall\nwall.sleep(1)",
+        b"from time import sleep as nap\nnap(1)",
+    ],
+)
+def test_a_call_of_time_sleep_is_told_with_its_line(source):
+    """By whatever name: no bench time passes in it on a simulated bench, and on no bench is a limit watched."""
+    (told,) = sleeps(source, "testplans/x/test_x.py")
+    assert told.startswith("testplans/x/test_x.py:2 calls time.sleep, ")
+    assert told.endswith("use clock.sleep")
+
+
+def test_other_waits_are_not():
+    """What the case is given waits in bench time; a name alone is no call."""
+    assert sleeps(b"import time\nclock.sleep(1)\nsleep(2)\nuse(time.sleep)", "x.py") == ()
+    assert sleeps(b"def :", "x.py") == ()

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from hil.cli.options import deviation_options, overrides_of, skips_of
+from hil.cli.options import ANSWERS, deviation_options, only_of, overrides_of, skips_of
 from hil.cli.starting import pin
 from hil.model.identity import Source
 
@@ -18,14 +18,17 @@ __all__ = ["command"]
 @click.option("--bench", required=True, metavar="NAME", help="The bench: fixtures/benches/NAME.")
 @click.option("--dut", required=True, metavar="SERIAL", help="Serial number of the device under test.")
 @deviation_options
+@ANSWERS
 def command(
     *,
     plans: tuple[str, ...],
     bench: str,
     dut: str,
+    only: tuple[str, ...],
     skips: tuple[str, ...],
     reasons: tuple[str, ...],
     overrides: tuple[str, ...],
+    answers: Path | None,
 ) -> int:
     """Print the procedure of plans: limits, steps, what they drive, record and ask, and how long they take.
 
@@ -41,8 +44,10 @@ def command(
         bench=bench,
         dut=dut,
         source=Source.SIMULATED,
+        only=only_of(only),
         skips=skips_of(skips, reasons),
         overrides=overrides_of(overrides),
+        answers=answers.resolve() if answers else None,
     )
     for line in procedure(request):
         click.echo(line)

@@ -11,11 +11,13 @@ import click
 
 from hil.cli.display import Display
 from hil.cli.options import (
+    ANSWERS,
     SERVED,
     attendance_of,
     attendance_options,
     deviation_options,
     name_option,
+    only_of,
     overrides_of,
     skips_of,
 )
@@ -37,6 +39,17 @@ class Place(click.Path):
         """Convert what was named."""
         if not os.fspath(value):
             self.fail("no folder is named", param, ctx)
+        return super().convert(value, param, ctx)
+
+
+class NewFile(click.Path):
+    """A file that is written in the end, in a folder that must be there before."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:  # noqa: ANN401 - click's
+        """Convert what was named."""
+        folder = Path(os.fspath(value)).resolve().parent
+        if not folder.is_dir():
+            self.fail(f"there is no folder {folder}: make it first", param, ctx)
         return super().convert(value, param, ctx)
 
 
@@ -63,16 +76,18 @@ class Place(click.Path):
 )
 @name_option("--operator", help="Who operates the bench.")
 @deviation_options
-@click.option(
-    "--answers",
-    type=click.Path(path_type=Path, exists=True, dir_okay=False),
-    help="File with answers to the plan's questions.",
-)
+@ANSWERS
 @click.option("--ask", is_flag=True, help="Ask questions at the terminal, even on a simulated bench.")
 @click.option(
     "--output",
     type=Place(path_type=Path, file_okay=False),
     help="Folder for the package; reports/ of the workspace by default.",
+)
+@click.option(
+    "--junit",
+    type=NewFile(path_type=Path, dir_okay=False),
+    metavar="FILE",
+    help="Also write the results there as JUnit XML.",
 )
 @click.option("--strict", is_flag=True, help="Exit with 1 if the run leaves a requirement of its plans uncovered.")
 @click.option("--detach", is_flag=True, help="Detach from this terminal; return as soon as the run has begun.")
@@ -90,12 +105,14 @@ def command(  # noqa: PLR0913 - one argument per option
     served: Path | None,
     purpose: str,
     operator: str,
+    only: tuple[str, ...],
     skips: tuple[str, ...],
     reasons: tuple[str, ...],
     overrides: tuple[str, ...],
     answers: Path | None,
     ask: bool,
     output: Path | None,
+    junit: Path | None,
     strict: bool,
     detach: bool,
     verbose: bool,
@@ -107,10 +124,11 @@ def command(  # noqa: PLR0913 - one argument per option
     every case passed, 2 interrupted, 3 internal error, 4 wrong usage or files, 5 no cases, 6 the
     envelope tripped, 7 the bench could not be proven safe.
     """
-    given = skips_of(skips, reasons), overrides_of(overrides)
+    given: dict[str, Any] = {"plans": plans, "bench": bench, "dut": dut, "only": only_of(only)}
+    given |= {"skips": skips_of(skips, reasons), "overrides": overrides_of(overrides)}
     _require_text(bench=bench, dut=dut, reason="".join(reasons), parameter="".join(overrides))
     live = served is not None or Source(source) is Source.HARDWARE
-    attended = attendance_of(attendance, left_alone=detach and live)
+    given |= attendance_of(attendance, left_alone=detach and live)
     if invocation.word is None:
         return _in_another_process(invocation, output, detach=detach, ask=ask)
     from hil.clock import wall  # noqa: PLC0415 - the process that waits stays light
@@ -119,21 +137,17 @@ def command(  # noqa: PLR0913 - one argument per option
     invocation.word.listen()
     request = Request(
         start=Path.cwd(),
-        plans=plans,
-        bench=bench,
-        dut=dut,
         source=Source(source),
         purpose=Purpose(purpose),
         operator=operator,
-        skips=given[0],
-        overrides=given[1],
         answers=answers.resolve() if answers else None,
         person=ask,
         output=output.resolve() if output else None,
+        junit=junit.resolve() if junit else None,
         strict=strict,
         served=served.resolve() if served else None,
         epoch=wall.utc_now() if live else "",
-        **attended,
+        **given,
     )
     return _run(request, invocation.word, verbose=verbose)
 

@@ -88,6 +88,7 @@ class Run(Event, frozen=True, kw_only=True):
         epoch: bench time 0 as UTC; not in the oldest packages.
         overrides: parameters changed on the command line; not in the oldest packages.
         skips: cases left out on the command line, with the reason; not in the oldest packages.
+        only: the only cases that were to run, as the command line names them; all where there is none.
         live: the bench outside the process of the run, if it is one.
         unattended: whether nobody attends the run.
         on_call: who is on call for an unattended run.
@@ -113,6 +114,7 @@ class Run(Event, frozen=True, kw_only=True):
     epoch: str | None = None
     overrides: Mapping[str, str] | None = None
     skips: Mapping[str, str] | None = None
+    only: tuple[str, ...] = ()
     live: Live | None = None
     unattended: bool = False
     on_call: str | None = None

@@ -76,6 +76,7 @@ def resumed_request(
         purpose=run.purpose,
         operator=run.operator,
         skips=dict(run.skips or {}),
+        only=run.only,
         overrides=dict(run.overrides or {}),
         answers=answers,
         person=person,

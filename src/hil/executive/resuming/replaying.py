@@ -116,6 +116,7 @@ def replay_request(package: Package, root: Path, output: Path) -> Request:
         purpose=run.purpose,
         operator=run.operator,
         skips={**(run.skips or {}), **_left_out(package)},
+        only=run.only,
         overrides=dict(run.overrides or {}),
         output=output,
     )

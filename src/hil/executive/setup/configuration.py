@@ -26,7 +26,7 @@ from hil.registers.units import find_dut, load_duts
 from hil.requirements.catalogue import Catalogue, load_catalogue
 from hil.requirements.parameters import Parameters, load_parameters
 
-__all__ = ["Configuration", "Request", "configure", "reach_of", "require_fitting"]
+__all__ = ["Configuration", "Request", "configure", "fitting_plans", "reach_of", "require_fitting"]
 
 _BENCH_FILE = "bench.yaml"
 _OF_THE_PACKAGE = frozenset({"calibration.json", "duts.yaml"})
@@ -48,12 +48,14 @@ class Request:
         purpose: why the run is made.
         operator: the person's name, empty if nobody said.
         skips: parts of case ids to the reason why they are not run.
+        only: parts of the ids of the only cases that are run; all where there is none.
         overrides: parameters changed on the command line.
         answers: a file with answers to questions.
         person: whether a person at the terminal answers, also on a simulated bench.
         output: where the package goes, the workspace's reports where None.
         served: the folder in which another process serves the simulated bench, None if none does.
         epoch: UTC of bench time zero, ISO 8601, for a bench outside this process.
+        junit: where the results are written as JUnit XML as well, None for nowhere else.
         strict: whether a requirement of the plans that the run says nothing of makes it fail.
         unattended: whether nobody stays with the run; that takes more of a bench outside this process.
         on_call: who comes if something happens then.
@@ -68,12 +70,14 @@ class Request:
     purpose: Purpose = Purpose.DEVELOPMENT
     operator: str = ""
     skips: Mapping[str, str] = field(default_factory=dict)
+    only: tuple[str, ...] = ()
     overrides: Mapping[str, str] = field(default_factory=dict)
     answers: Path | None = None
     person: bool = False
     output: Path | None = None
     served: Path | None = None
     epoch: str = ""
+    junit: Path | None = None
     strict: bool = False
     unattended: bool = False
     on_call: str = ""
@@ -128,8 +132,9 @@ class Configuration:
     def deviations(self) -> tuple[str, ...]:
         """What differs from the plans, a sentence each."""
         skipped = [f"case {case} is skipped: {reason}" for case, reason in sorted(self.request.skips.items())]
+        only = [f"only these cases are run: {', '.join(self.request.only)}"] if self.request.only else []
         changed = (text for each in self.parameters.values() for text in each.deviations)
-        return (*changed, *skipped, *self.inputs.reaches, *customised())
+        return (*changed, *skipped, *only, *self.inputs.reaches, *customised())
 
 
 def configure(request: Request) -> Configuration:
@@ -168,6 +173,22 @@ def configure(request: Request) -> Configuration:
         inputs=inputs,
         hand=hand,
     )
+
+
+def fitting_plans(request: Request) -> tuple[str, ...]:
+    """Return those of the request's plans that are for its article; all of them where none or nobody knows which.
+
+    Whoever names a folder of plans means those that can be run; what is wrong with any of them `configure` says.
+    """
+    try:
+        workspace = find_workspace(request.start)
+        plans = {asked: workspace.plan(asked, request.start) for asked in request.plans}
+        catalogue = load_catalogue(workspace.root, tuple(plans.values()))
+        part = find_dut(_duts(workspace), request.dut, "").part
+    except (ConfigurationError, Refused):
+        return request.plans
+    named = {asked: catalogue.part_numbers(folder.name) for asked, folder in plans.items()}
+    return tuple(asked for asked, parts in named.items() if not parts or part in parts) or request.plans
 
 
 def _require_reports(workspace: Workspace, request: Request) -> None:

@@ -30,10 +30,13 @@ from hil.model.bench import InstrumentSpec
 from hil.model.errors import EvidenceError
 from hil.registers.instruments import INSTRUMENTS
 
-__all__ = ["DESELECTED", "ENDED_BEFORE", "Frozen", "PlannedCase", "freeze", "write_head"]
+__all__ = ["DESELECTED", "ENDED_BEFORE", "LEFT_OUT", "Frozen", "PlannedCase", "freeze", "write_head"]
 
 DESELECTED = "deselected"
 """Why a case was not run that plain pytest was not asked for."""
+
+LEFT_OUT = "left out by --only"
+"""Why a case was not run that is none of the only ones."""
 
 ENDED_BEFORE = "the run ended before this case"
 """Why a case was not run that pytest did not come to."""
@@ -91,6 +94,8 @@ def write_head(configuration: Configuration, planned: Sequence[PlannedCase], fol
         if requirement.anomaly:
             text = f"{requirement.id}, source {requirement.source}: {requirement.anomaly}"
             journal.write(events.Anomaly(text=text))
+    for text in configuration.inputs.sleeps:
+        journal.write(events.Anomaly(text=text))
 
 
 def _run(configuration: Configuration, frozen: Frozen) -> events.Run:
@@ -122,6 +127,7 @@ def _run(configuration: Configuration, frozen: Frozen) -> events.Run:
         deviations=tuple(configuration.deviations),
         overrides=dict(request.overrides),
         skips=dict(request.skips),
+        only=request.only,
         live=_live(configuration),
         unattended=request.unattended,
         on_call=request.on_call if request.unattended else None,

@@ -8,7 +8,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from hil.documents.snapshot import Snapshot
-from hil.executive.setup.reach import beyond, numbers_in
+from hil.executive.setup.reach import beyond, numbers_in, sleeps
 from hil.executive.setup.workspace import Workspace
 from hil.model.errors import HilError
 from hil.requirements.lock import LOCK
@@ -100,6 +100,12 @@ class Inputs:
         if path.suffix != ".py" or path not in self.snapshot:
             return ()
         return beyond(self.snapshot.take(path), self.shown(path))
+
+    @property
+    def sleeps(self) -> tuple[str, ...]:
+        """Where the code of plans and fixtures calls `time.sleep`, a sentence each."""
+        modules = (path for path in self.sources if path.suffix == ".py" and path in self.snapshot)
+        return tuple(text for path in modules for text in sleeps(self.snapshot.take(path), self.shown(path)))
 
     def stands(self, number: float) -> bool:
         """Return whether a number stands in the source of a module that the run has frozen, for everybody to read."""

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from functools import lru_cache
 
-__all__ = ["beyond", "numbers_in", "parsed"]
+__all__ = ["beyond", "numbers_in", "parsed", "sleeps"]
 
 _FOR_PLANS = ("hil.analysis", "hil.logs", "hil.model.errors", "hil.model.figure", "hil.plan")
 """What cases and fixtures may import of the product; the rest measures, judges and records them."""
@@ -39,6 +39,34 @@ def parsed(source: bytes) -> ast.Module:
         ValueError: if it holds NUL bytes.
     """
     return ast.parse(source)
+
+
+def sleeps(source: bytes, shown: str) -> tuple[str, ...]:
+    """Return every call of `time.sleep` in the source of a module, a sentence each, by line.
+
+    Args:
+        source: of the module; nothing is found where it is not Python.
+        shown: its path, as people see it.
+    """
+    try:
+        tree = parsed(source)
+    except (SyntaxError, ValueError):
+        return ()
+    names = {name for node in ast.walk(tree) for name in _names_of_sleep(node)}
+    calls = (node for node in ast.walk(tree) if names and isinstance(node, ast.Call))
+    lines = sorted({call.lineno for call in calls if ast.unparse(call.func) in names})
+    return tuple(f"{shown}:{line} calls time.sleep, {_SLEPT}" for line in lines)
+
+
+_SLEPT = "in which a simulated bench stands still and no limit is watched: use clock.sleep"
+
+
+def _names_of_sleep(node: ast.AST) -> Iterator[str]:
+    """Yield what an import makes of `time.sleep`."""
+    if isinstance(node, ast.Import):
+        yield from (f"{alias.asname or alias.name}.sleep" for alias in node.names if alias.name == "time")
+    elif isinstance(node, ast.ImportFrom) and node.module == "time":
+        yield from (alias.asname or alias.name for alias in node.names if alias.name == "sleep")
 
 
 @lru_cache(maxsize=64)

@@ -10,22 +10,21 @@ import pytest
 
 from hil.documents.suggest import did_you_mean
 from hil.executive.cases.steps import one_line
-from hil.executive.setup.configuration import Configuration
-from hil.executive.setup.head import PlannedCase
+from hil.executive.setup.configuration import Configuration, Request
+from hil.executive.setup.head import LEFT_OUT, PlannedCase
 from hil.model.errors import ConfigurationError, Finding, Refused
+from hil.plugin.options import MARKERS
 from hil.plugin.plans.fixture_names import name_findings
 from hil.plugin.plans.literals import returned_lines, written_checks
 from hil.plugin.plans.plan_sources import lost_cases
 from hil.requirements.catalogue import Catalogue
 
-__all__ = ["MARKERS", "plan_cases", "skipped_cases"]
+__all__ = ["KNOWN", "plan_cases", "skipped_cases"]
 
-MARKERS = (
-    "requirement(id, ...): the requirements that this case verifies",
-    "max_duration(seconds): bench time after which this case is an ERROR (default: one hour)",
-    "repeatable(reason): an attempt of this case that an interruption left without a verdict does not count",
-)
+KNOWN = (*(each.partition("(")[0] for each in MARKERS), "parametrize", "skip", "skipif", "usefixtures", "xfail")
+"""The markers that a case can have."""
 
+_OF_PYTEST = ("filterwarnings", "tryfirst", "trylast")
 _LONGEST_S = 3600.0
 
 
@@ -53,30 +52,37 @@ def plan_cases(items: Sequence[pytest.Item], configuration: Configuration) -> di
     return {item.nodeid: _planned(item) for item in items}
 
 
-def skipped_cases(planned: Mapping[str, PlannedCase], skips: Mapping[str, str]) -> dict[str, str]:
-    """Return the cases that the command line skips, with the reason.
+def skipped_cases(planned: Mapping[str, PlannedCase], request: Request) -> dict[str, str]:
+    """Return the cases that the command line skips, or leaves out because it names the only ones, with the reason.
 
     A name without parameters is the function with all of its cases. Where a case is named in both ways, its own reason
     counts.
 
     Raises:
-        Refused: if a name is no case, or could be several functions, or has no reason.
+        Refused: if a name is no case, or could be several functions, or has no reason, or if no case is left.
     """
-    skipped: dict[str, str] = {}
-    for asked, reason in skips.items():
+    only = {case for asked in request.only for case in _named_cases(planned, asked, "run")}
+    skipped = {case: LEFT_OUT for case in planned if only and case not in only}
+    for asked, reason in request.skips.items():
         if not reason.strip():
             raise Refused(f"there is no reason to skip '{asked}'", "say why, it is part of the evidence: --reason")
-        single = [case for case in planned if _is_named(case, asked)]
-        found = single or [case for case in planned if _is_named(_function_of(case), asked)]
-        functions = {_function_of(case) for case in found}
-        if len(functions) != 1:
-            names = {name for case in planned for name in (_own_name(case), _own_name(_function_of(case)))}
-            what = "no case" if not found else "several cases"
-            raise Refused(
-                f"{what} '{asked}' to skip{did_you_mean(asked, sorted(names))}", "name it as hil plan shows it"
-            )
-        skipped |= {case: reason for case in found if single or case not in skipped}
+        found = _named_cases(planned, asked, "skip")
+        single = found == [case for case in planned if _is_named(case, asked)]
+        skipped |= {case: reason for case in found if single or skipped.get(case, LEFT_OUT) == LEFT_OUT}
+    if only and skipped.keys() == planned.keys():
+        raise Refused("every case of --only is skipped as well", "leave out one of --only and --skip")
     return skipped
+
+
+def _named_cases(planned: Mapping[str, PlannedCase], asked: str, to: str) -> list[str]:
+    """Return the case of a name, or the cases of a function."""
+    found = [case for case in planned if _is_named(case, asked)]
+    found = found or [case for case in planned if _is_named(_function_of(case), asked)]
+    if len({_function_of(case) for case in found}) == 1:
+        return found
+    names = {name for case in planned for name in (_own_name(case), _own_name(_function_of(case)))}
+    what = "no case" if not found else "several cases"
+    raise Refused(f"{what} '{asked}' to {to}{did_you_mean(asked, sorted(names))}", "name it as hil plan shows it")
 
 
 def _is_named(case: str, asked: str) -> bool:
@@ -139,6 +145,10 @@ def _item_findings(item: pytest.Item, configuration: Configuration) -> Iterator[
         yield _at(path, line, f"max_duration of {item.name} takes one number of seconds above zero")
     if _repeatable(item) is None:
         yield _at(path, line, f"repeatable of {item.name} takes one reason why it may be repeated")
+    for mark in item.iter_markers():
+        if mark.name not in (*KNOWN, *_OF_PYTEST):
+            known = did_you_mean(mark.name, KNOWN) or f"; a case can have {', '.join(KNOWN)}"
+            yield _at(path, line, f"unknown marker '{mark.name}'{known}")
     if any(mark.kwargs or not mark.args for mark in item.iter_markers("requirement")):
         yield _at(path, line, f"requirement of {item.name} takes ids and nothing else")
     function = inspect.unwrap(getattr(item, "function", item.runtest))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 import linecache
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib.abc import MetaPathFinder
 from importlib.machinery import ExtensionFileLoader, ModuleSpec, PathFinder, SourceFileLoader, SourcelessFileLoader
@@ -21,6 +21,7 @@ from hil.executive.setup.configuration import Configuration
 from hil.executive.setup.ground import Ground
 from hil.executive.setup.inputs import Inputs
 from hil.plugin.plans.intact import Intact
+from hil.plugin.plans.plan_sources import helper_modules
 
 __all__ = ["FrozenCode", "frozen_code"]
 
@@ -29,7 +30,7 @@ __all__ = ["FrozenCode", "frozen_code"]
 def frozen_code(configuration: Configuration) -> Iterator[FrozenCode]:
     """Load the workspace's modules from what is frozen, and notice what they open, until the context is left."""
     inputs, ground = configuration.inputs, configuration.ground
-    code = FrozenCode(inputs, ground, configuration.workspace.testplans)
+    code = FrozenCode(inputs, ground, configuration.workspace.testplans, helper_modules(configuration))
     with watched(inputs, ground), code.first():
         yield code
 
@@ -44,16 +45,18 @@ class FrozenCode(MetaPathFinder):
         inputs: gives the source.
         ground: where modules are found.
         testplans: the folder whose modules hold cases.
+        helpers: the modules beside cases, which these import by name.
 
     Attributes:
         intact: tells what the code replaced of the product.
     """
 
-    def __init__(self, inputs: Inputs, ground: Ground, testplans: Path) -> None:
+    def __init__(self, inputs: Inputs, ground: Ground, testplans: Path, helpers: Mapping[str, Path]) -> None:
         self.intact = Intact(ground.is_own)
         self._inputs = inputs
         self._ground = ground
         self._testplans = testplans
+        self._helpers = helpers
         self._config: pytest.Config | None = None
         self._shown: list[str] = []
 
@@ -89,6 +92,8 @@ class FrozenCode(MetaPathFinder):
         """
         if path is None and fullname.partition(".")[0] in sys.builtin_module_names:
             return None
+        if path is None and fullname in self._helpers:
+            return self.spec_of(fullname, self._helpers[fullname])
         if not any(self._ground.folder(folder) for folder in (sys.path if path is None else path)):
             return None
         spec = PathFinder.find_spec(fullname, path, target)

@@ -6,6 +6,7 @@ import ast
 import inspect
 import sys
 from collections.abc import Collection, Iterator, Sequence
+from importlib.machinery import PathFinder
 from pathlib import Path
 from types import ModuleType
 
@@ -17,7 +18,7 @@ from hil.executive.setup.reach import parsed
 from hil.executive.setup.workspace import Workspace
 from hil.model.errors import ConfigurationError, Finding
 
-__all__ = ["hook_findings", "imported_hooks", "lost_cases", "refuse_sources"]
+__all__ = ["helper_modules", "hook_findings", "imported_hooks", "lost_cases", "refuse_sources"]
 
 _CONFTEST = "conftest.py"
 _CASES = ("test", "Test")
@@ -31,15 +32,70 @@ def refuse_sources(configuration: Configuration) -> None:
     Raises:
         ConfigurationError: with every `conftest.py` in a plan, and from the testplans up to the workspace; with every
             hook in the modules of a plan, every case that another of its name replaces, and every second fixture of one
-            name in a file of a plan, or in all files of the workspace's fixtures.
+            name in a file of a plan, or in all files of the workspace's fixtures; with every import of a module beside
+            cases whose name means another one, too.
     """
     fixtures, inputs = configuration.workspace.fixtures, configuration.inputs
     findings = list(_conftests(configuration.workspace, configuration.plans))
     for plan in configuration.plans:
+        findings += _ambiguous_imports(plan, configuration)
         findings += _in_plan([path for path in inputs.below(plan) if path.parent == plan], inputs)
     findings += _fixtures_twice([path for path in inputs.below(fixtures) if path.parent == fixtures], inputs)
     if findings:
         raise ConfigurationError(tuple(findings))
+
+
+def helper_modules(configuration: Configuration) -> dict[str, Path]:
+    """Return the modules beside the cases of the run's plans, which these import by name.
+
+    Not among them is one that has the name of a module of Python or of an installed one, which everybody else means,
+    and none of two in several plans.
+    """
+    found: dict[str, Path | None] = {}
+    for plan in configuration.plans:
+        for name, path in _beside(plan, configuration.inputs).items():
+            found[name] = None if name in found or _is_elsewhere(name, configuration) else path
+    return {name: path for name, path in found.items() if path is not None}
+
+
+def _beside(plan: Path, inputs: Inputs) -> dict[str, Path]:
+    files = (path for path in inputs.below(plan) if path.parent == plan)
+    return {path.stem: path for path in files if not path.name.startswith("test_") and path.name != _CONFTEST}
+
+
+def _is_elsewhere(name: str, configuration: Configuration) -> bool:
+    if name in sys.stdlib_module_names:
+        return True
+    ground = configuration.ground
+    folders = [folder for folder in sys.path if not ground.folder(folder)]
+    return PathFinder.find_spec(name, folders) is not None
+
+
+def _ambiguous_imports(plan: Path, configuration: Configuration) -> Iterator[Finding]:
+    """Yield every import of a module beside the cases that would be another one, or one of another plan."""
+    inputs = configuration.inputs
+    usable, beside = helper_modules(configuration), _beside(plan, inputs)
+    taken = beside.keys() - {name for name, path in usable.items() if path == beside.get(name)}
+    for path in (path for path in inputs.below(plan) if taken and path.parent == plan):
+        tree = _tree(path, inputs)
+        for node in _imports(tree) if tree else ():
+            for name in taken & set(_imported(node)):
+                what = (
+                    "Python or an installed package"
+                    if _is_elsewhere(name, configuration)
+                    else "another plan of the run"
+                )
+                message = f"'{name}' is also a module of {what}: rename {inputs.shown(beside[name])}"
+                yield Finding(inputs.shown(path), node.lineno, node.col_offset + 1, message)
+
+
+def _imports(tree: ast.Module) -> Iterator[ast.Import | ast.ImportFrom]:
+    yield from (node for node in ast.walk(tree) if isinstance(node, ast.Import | ast.ImportFrom))
+
+
+def _imported(node: ast.Import | ast.ImportFrom) -> list[str]:
+    names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else [node.module or ""]
+    return [name.partition(".")[0] for name in names if not getattr(node, "level", 0)]
 
 
 def _tree(path: Path, inputs: Inputs) -> ast.Module | None:
