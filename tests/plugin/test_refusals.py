@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import shutil
+import sys
 import textwrap
 
 import pytest
 from workspaces import HEAD, ROOT, make
 
 from hil.model.errors import ConfigurationError, HilError, Refused
+from hil.model.identity import Source
 
 GOOD = """
 @pytest.mark.requirement("T-010")
@@ -538,3 +540,11 @@ def test_a_fixture_that_asks_for_what_nothing_provides_is_named(tmp_path):
         workspace.run()
     message = "the fixture mine asks for 'suply', which nothing provides, did you mean 'supply'?"
     assert str(caught.value) == f"fixtures/more.py:4:1: {message}"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="hardware is driven on Linux only")
+def test_missing_ports_leave_no_run_behind(tmp_path):
+    """Nothing was opened, so that there is nothing to seal and nothing that the ledger would miss."""
+    said = refused(tmp_path, GOOD, kind=HilError, dut="ADCS-FM-1", source=Source.HARDWARE, epoch="2026-01-01T00:00:00Z")
+    assert "is not there; plug the boards in as the bench file says" in said
+    assert not (tmp_path / "workspace/reports/.ledger").exists()

@@ -26,7 +26,7 @@ from hil.wire.transcript import Transcript
 if TYPE_CHECKING:
     from hil.wire.live_stream import LiveStream
 
-__all__ = ["Reach", "bind_live", "bind_live_again", "reach_of_hardware", "reach_of_served"]
+__all__ = ["Reach", "bind_live", "bind_live_again", "reach_of_hardware", "reach_of_served", "require_boards"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -164,8 +164,8 @@ def _open(spec: BenchSpec, reach: Reach, brake: Brake, *, by_force: bool = False
     from hil.wire.live_stream import LiveStream  # noqa: PLC0415 - what it imports exists on Linux only
 
     strangers = _strangers(spec) if reach.source is Source.HARDWARE else {}
-    if strangers and not by_force:
-        raise WrongPort(*(gate for error in strangers.values() for gate in error.gates))
+    if not by_force:
+        require_boards(spec, reach)
 
     def end(name: str, opened: Callable[[], Any]) -> Any:  # noqa: ANN401 - streams and buses
         try:
@@ -193,6 +193,17 @@ def _open(spec: BenchSpec, reach: Reach, brake: Brake, *, by_force: bool = False
         _close(ends)
         raise
     return ends
+
+
+def require_boards(spec: BenchSpec, reach: Reach) -> None:
+    """Require the board of the bench file at every serial port of hardware; nothing is opened.
+
+    Raises:
+        WrongPort: with every port that is not there, or is that of another board.
+    """
+    strangers = _strangers(spec) if reach.source is Source.HARDWARE else {}
+    if strangers:
+        raise WrongPort(*(gate for error in strangers.values() for gate in error.gates))
 
 
 def _strangers(spec: BenchSpec) -> dict[str, WrongPort]:

@@ -16,11 +16,11 @@ from hil.executive.setup.configuration import Configuration
 from hil.executive.setup.head import DESELECTED, ENDED_BEFORE, PlannedCase
 from hil.model.errors import HilError
 from hil.model.verdict import Verdict
-from hil.plugin.options import MARKERS
 from hil.plugin.plans.case_fixtures import case_fixtures
 from hil.plugin.plans.collection import plan_cases, skipped_cases
 from hil.plugin.plans.fixture_modules import load_fixture_modules
 from hil.plugin.plans.frozen_code import FrozenCode
+from hil.plugin.plans.markers import MARKERS
 from hil.plugin.plans.plan_sources import refuse_sources
 
 __all__ = ["Campaign", "Opener"]

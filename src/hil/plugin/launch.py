@@ -20,8 +20,8 @@ from hil.executive.setup.configuration import Configuration
 from hil.executive.setup.ground import Ground
 from hil.model.errors import ConfigurationError, Finding, Refused
 from hil.plugin.campaign import Campaign, Opener
-from hil.plugin.plans.collection import KNOWN
 from hil.plugin.plans.frozen_code import frozen_code
+from hil.plugin.plans.markers import KNOWN
 
 __all__ = ["Launched", "launch"]
 

@@ -7,7 +7,7 @@ from functools import partial
 
 from hil.bench.binding import bind_resumed, bind_simulated
 from hil.bench.bound import BoundBench
-from hil.bench.live import bind_live, bind_live_again
+from hil.bench.live import bind_live, bind_live_again, require_boards
 from hil.evidence.folder import TRANSCRIPT
 from hil.executive.journaling.events import Caller
 from hil.executive.people.answers import Answered
@@ -39,7 +39,12 @@ def open_new(
         spectators: are shown every event.
         caller: hears of what the run cannot come back from.
         alone: whether no other run may be on the bench; a rehearsal disturbs nobody.
+
+    Raises:
+        WrongPort: if a board is not where the bench file says; there is no folder of a run then.
     """
+    if (reach := configuration.reach) is not None:
+        require_boards(configuration.bench, reach)
     answers = answers_of(configuration.request, configuration.workspace.shown)
     return Session(
         configuration,

@@ -9,19 +9,12 @@ from pathlib import Path
 import pytest
 
 __all__ = [
-    "MARKERS",
     "pytest_addoption",
     "pytest_collection_finish",
     "pytest_configure",
     "pytest_ignore_collect",
     "pytest_runtest_setup",
 ]
-
-MARKERS = (
-    "requirement(id, ...): the requirements that this case verifies",
-    "max_duration(seconds): bench time after which this case is an ERROR (default: one hour)",
-    "repeatable(reason): an attempt of this case that an interruption left without a verdict does not count",
-)
 
 _TABLE = re.compile(r"^\[tool\.hil[.\]]", re.MULTILINE)
 
@@ -42,6 +35,8 @@ def pytest_configure(config: pytest.Config) -> None:
 
         configure_plain(config)
     elif _is_workspace(config.rootpath):
+        from hil.plugin.plans.markers import MARKERS  # noqa: PLC0415 - same, of no workspace
+
         for marker in MARKERS:
             config.addinivalue_line("markers", marker)
 

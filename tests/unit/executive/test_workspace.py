@@ -159,3 +159,14 @@ def test_names_of_folders_are_read_without_the_reader_of_documents(tmp_path):
         "found = find_workspace(Path.cwd())\nsys.exit('pydantic' in sys.modules or found.reports.name != 'evidence')\n"
     )
     assert subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=False).returncode == 0
+
+
+def test_a_workspace_is_also_found_by_a_plan_that_is_named(tmp_path):
+    """From elsewhere, by its path; the workspace that a command was started in comes first."""
+    here, there = tmp_path / "here", tmp_path / "there"
+    for folder in (here, there):
+        folder.mkdir()
+        (folder / "hil.toml").write_text("")
+    plan = there / "testplans/small"
+    assert find_workspace(tmp_path, named=[plan]).root == there
+    assert find_workspace(here, named=[plan]).root == here

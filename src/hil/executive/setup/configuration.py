@@ -146,7 +146,7 @@ def configure(request: Request) -> Configuration:
     """
     require_assertions()
     noted = Findings()
-    workspace = find_workspace(request.start, noted)
+    workspace = find_workspace(request.start, noted, [(request.start / plan).resolve() for plan in request.plans])
     _require_reports(workspace, request)
     plans = _plans(workspace, request, noted)
     inputs = Inputs(workspace, plans, request.bench)

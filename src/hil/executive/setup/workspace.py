@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -139,20 +140,21 @@ class Workspace:
         return tuple(sorted(path.parent.name for path in self.testplans.glob("*/requirements.yaml")))
 
 
-def find_workspace(start: Path, findings: Findings | None = None) -> Workspace:
-    """Return the nearest workspace upwards from `start`.
+def find_workspace(start: Path, findings: Findings | None = None, named: Sequence[Path] = ()) -> Workspace:
+    """Return the nearest workspace upwards from `start`, or else from the first folder that was named.
 
     Args:
         start: the folder where the search begins.
         findings: where what is wrong with its settings is noted, for those who look for other mistakes too; what
             cannot be used is as usual then.
+        named: folders that a command was given, such as those of plans.
 
     Raises:
         Refused: if there is none.
         ConfigurationError: if its settings are wrong, and there are no findings to note it in.
     """
     noted = Findings() if findings is None else findings
-    for folder in (start, *start.parents):
+    for folder in (above for each in (start, *named) for above in (each, *each.parents)):
         settings = _settings(folder, noted)
         if settings is not None:
             found = _workspace(folder, *settings, noted)

@@ -13,16 +13,13 @@ from hil.executive.cases.steps import one_line
 from hil.executive.setup.configuration import Configuration, Request
 from hil.executive.setup.head import LEFT_OUT, PlannedCase
 from hil.model.errors import ConfigurationError, Finding, Refused
-from hil.plugin.options import MARKERS
 from hil.plugin.plans.fixture_names import name_findings
 from hil.plugin.plans.literals import returned_lines, written_checks
+from hil.plugin.plans.markers import KNOWN
 from hil.plugin.plans.plan_sources import lost_cases
 from hil.requirements.catalogue import Catalogue
 
-__all__ = ["KNOWN", "plan_cases", "skipped_cases"]
-
-KNOWN = (*(each.partition("(")[0] for each in MARKERS), "parametrize", "skip", "skipif", "usefixtures", "xfail")
-"""The markers that a case can have."""
+__all__ = ["plan_cases", "skipped_cases"]
 
 _OF_PYTEST = ("filterwarnings", "tryfirst", "trylast")
 _LONGEST_S = 3600.0
