@@ -119,8 +119,7 @@ def resume(
         word: reaches the process that waits for the run's end.
 
     Raises:
-        Refused: if there is nothing to resume, what the run is made of has changed, or the guardian ended it and
-            nobody has acknowledged that.
+        Refused: if nothing can be resumed, what the run is made of has changed, or it waits for `hil ack`.
     """
     earlier = find_earlier(folder)
     require_acknowledged(folder)
@@ -344,10 +343,9 @@ def _findings(folder: Path, digest: str) -> tuple[str, ...]:
 def _tell(session: Session, digest: str, out: TextIO) -> None:
     from hil.evidence.results.outcome import read_outcome  # noqa: PLC0415 - not before the run
 
-    out.write("\n")
     lines = closing_lines(read_outcome((session.folder / RESULTS).read_bytes()))
     columns = shutil.get_terminal_size().columns if out.isatty() else 0
-    out.writelines(f"{line}\n" for line in fitting(lines, columns))
+    out.writelines(f"{line}\n" for line in ("", *fitting(lines, columns)))
     package = _shown(session.folder)
     out.write(f"\nevidence digest {digest}\nreport  {package}/data/report/report.html\n{package}\n")
     out.flush()
