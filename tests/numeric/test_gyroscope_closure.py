@@ -14,7 +14,7 @@ from gyroscope_campaigns import AXES, PLAN, Parts, as_built, campaign, quiet
 from scipy.special import stdtrit
 from workspaces import ROOT
 
-from hil.plugin.plans.collection import MARKERS
+from hil.plugin.plans.markers import MARKERS
 from hil.requirements.catalogue import load_catalogue
 
 SEEDS = range(20)

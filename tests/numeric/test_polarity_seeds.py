@@ -17,7 +17,7 @@ from magnetorquer_runs import BOARDS, ROOT
 from hil.analysis import magnetics
 from hil.bench.binding import bind_simulated
 from hil.clock.port import NANOSECONDS
-from hil.plugin.plans.collection import MARKERS
+from hil.plugin.plans.markers import MARKERS
 from hil.wire.transcript import Transcript
 
 SEEDS = sweeps.chosen(16, 200)

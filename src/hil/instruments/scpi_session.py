@@ -1,6 +1,6 @@
 """A SCPI session on a port: lines out, strict replies in, and never a reply taken for another query's.
 
-Every exchange is bounded by the port's timeout, 0.5 s at most. Queries only read, so they are asked
+Every exchange is bounded by the port's timeout. Queries only read, so they are asked
 again; settings are written once and proven by what the instrument says afterwards.
 
 Nobody owes the host a byte that it did not ask for. What waits before a question while the session is in

@@ -9,7 +9,7 @@ __all__ = ["I2cBus", "Port"]
 
 
 class Port(Protocol):
-    """An open byte stream. Reads end at `timeout` seconds of the bench's clock, 0.5 s at most."""
+    """An open byte stream. Reads end at `timeout` seconds of the clock, 2 s at most, in operations of up to 0.5 s."""
 
     timeout: float
 

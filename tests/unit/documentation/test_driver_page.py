@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 import runpy
+import sys
 from pathlib import Path
 
 import pytest
@@ -131,6 +132,8 @@ def acme(tmp_path):
     install(project, tmp_path / "site")
     yield text
     uninstall(project, tmp_path / "site")
+    for name in [each for each in sys.modules if each.partition(".")[0] == "acme_hil"]:
+        del sys.modules[name]  # a test of what this process has loaded may come next
 
 
 def test_the_pages_bench_is_checked_as_it_says(acme, tmp_path, monkeypatch, capsys):

@@ -166,7 +166,7 @@ def test_a_report_names_the_head_before_its_seal(tmp_path):
     head_before = head(before.parent)
     second = before.with_name("20261122T093100Z-flight-SN1-ff12cd")
     sealed_run(second)
-    assert f'<span class="mono">{head_before}</span>' in make_reports(second)[HTML].decode()
+    assert f'<dd class="mono">{head_before}</dd>' in make_reports(second)[HTML].decode()
     assert "Head of the ledger" not in make_reports(before)[HTML].decode()
 
 
