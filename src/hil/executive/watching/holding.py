@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 from hil.bench.bound import BoundBench
@@ -223,7 +223,12 @@ class Holding:
         self._held = True
         try:
             results = self._take()
-            outputs = tuple(events.Brought(**asdict(each)) for each in results)
+            outputs = tuple(
+                events.Brought(
+                    output=each.output, state=each.state, ok=each.ok, detail=each.detail, seconds=each.seconds
+                )
+                for each in results
+            )
             self._journal.write(events.Hold(by=asked.by, text=asked.text, outputs=outputs))
             self._end_unless_held(results)
             self._scheduler.watch_from_now()
