@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import struct
 
 import pytest
 from evidence_runs import begin
-from typed_events import event_of
+from typed_events import body_of, event_of
 
+from hil.clock import wall
 from hil.evidence.folder import JOURNAL, RECORDINGS
 from hil.evidence.recordings.rows import Rows
 from hil.report.live.following import Follower
@@ -160,6 +162,55 @@ def test_a_limit_that_is_fed_shows_the_newest_row(fed):
         (0.15, 99.0, "001-rest"),
         (None, 99.0, "001-rest"),
     ]
+
+
+@pytest.mark.parametrize(
+    ("current", "flow", "told", "counts"),
+    [
+        (-0.3, "charging", "≤ 2 K/min while charging, does not count now", False),
+        (0.3, "charging", "≤ 2 K/min while charging", True),
+        (-0.3, "discharging", "≤ 2 K/min while discharging", True),
+        (-0.3, "flowing", "≤ 2 K/min while flowing", True),
+        (0.01, "flowing", "≤ 2 K/min while flowing, does not count now", False),
+    ],
+)
+def test_a_limit_that_does_not_count_now_says_so(fed, current, flow, told, counts):
+    """The newest current of its instrument decides, at its own threshold."""
+    file = fed / "data/bench/bench.yaml"
+    file.write_text(file.read_text().replace("max: 2}", f'max: 2, while: {flow}, threshold: "0.02"}}'))
+    store(fed, "001-rest", (3.0, 5.0, 0.3), (99.0, 6.0, current))
+    follower = Follower(fed)
+    follower.read()
+    readings = follower.readings()
+    assert (readings[3].limits, readings[2].limits) == (told, "0 to 0.2 A")
+    assert [item["counts"] for item in facts(follower.outlook, readings)["readings"][2:]] == [True, counts]
+
+
+def test_of_a_limit_whose_current_is_unknown_only_the_condition_is_told(fed):
+    """Nobody knows whether it counts where no current is recorded."""
+    file = fed / "data/bench/bench.yaml"
+    file.write_text(file.read_text().replace("max: 2}", 'max: 2, while: charging, threshold: "0.02"}'))
+    store(fed, "001-rest", (99.0, 6.0, float("nan")))
+    (fed / RECORDINGS / "envelope-c.rows").unlink()
+    follower = Follower(fed)
+    follower.read()
+    assert [(each.limits, each.counts) for each in follower.readings()[2:]] == [("≤ 2 K/min while charging", None)]
+
+
+def test_bench_time_that_passes_faster_is_told_by_the_clock(fed):
+    """A simulated bench may pass 60 days in minutes: what a person waits is told as well."""
+    now = wall.stamp()
+    beside = {"boot_id": now.boot_id, "boot": now.boot - 10.0}
+    cases = [{"case": "a", "max_duration": 60 * 86400.0}]
+    with (fed / JOURNAL).open("a") as stream:
+        for body in (body_of("planned", t=0.0, cases=cases), body_of("case", t=0.0, case="a")):
+            stream.write(json.dumps({"body": body, "wall": beside}) + "\n")
+    follower = Follower(fed)
+    follower.read()
+    follower.outlook.at(86400.0)
+    follower.readings()
+    assert follower.outlook.pace == pytest.approx(8640, rel=0.05)
+    assert str(follower.outlook.left()).startswith("at most 59 d left of bench time (at most 9 min")
 
 
 def test_a_limit_shows_its_own_reading_where_that_is_newer(fed):

@@ -19,6 +19,7 @@ from hil.report.live.readings import Reading, Readings
 __all__ = ["Follower", "Line"]
 
 _BLOCK = 8_000_000
+_LONG_ENOUGH_S = 1.0  # before that, nobody knows how fast bench time passes
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +46,7 @@ class Follower:
         self._readings = Readings(folder)
         self._offset = 0
         self._last: Line | None = None
+        self._start: Line | None = None
 
     @property
     def last_utc(self) -> str:
@@ -67,14 +69,26 @@ class Follower:
                 line = _line(raw)
                 if line is not None:
                     self.outlook.take(line.event)
+                    if line.event.kind() == "resumed" or (self._start is None and line.event.kind() == "case"):
+                        self._start = line
                     found.append(line)
         if found:
             self._last = found[-1]
         return found
 
     def readings(self) -> list[Reading]:
-        """Return the newest values of what is recorded."""
-        return self._readings.newest(self.outlook)
+        """Return the newest values of what is recorded, and let the outlook know how fast bench time passes."""
+        found = self._readings.newest(self.outlook)
+        self.outlook.pace = self._pace()
+        return found
+
+    def _pace(self) -> float:
+        """Return how many seconds of bench time passed in a second since the first case, or since it was resumed."""
+        now = wall.stamp()
+        if self._start is None or self._start.wall.get("boot_id") != now.boot_id:
+            return 1.0
+        took = now.boot - float(self._start.wall["boot"])
+        return max(1.0, (self.outlook.t - self._start.event.t) / took) if took >= _LONG_ENOUGH_S else 1.0
 
     def goes_on(self) -> bool:
         """Return whether a process works on the run; it is sealed, or was interrupted, if none does."""

@@ -51,7 +51,9 @@ def facts(outlook: Outlook, readings: Sequence[Reading]) -> dict[str, Any]:
         "t": outlook.t,
         "cases": {"planned": outlook.planned, "ended": outlook.ended},
         "held": outlook.held,
-        "left": None if left is None else {"case": left.case, "run": left.run, "at_most": left.at_most},
+        "left": None
+        if left is None
+        else {"case": left.case, "run": left.run, "at_most": left.at_most, "pace": left.pace},
         "readings": [
             {
                 "recording": each.recording,
@@ -63,6 +65,8 @@ def facts(outlook: Outlook, readings: Sequence[Reading]) -> dict[str, Any]:
                 "fed": each.fed or None,
                 "min": each.minimum,
                 "max": each.maximum,
+                "while": each.flow or None,
+                "counts": each.counts,
             }
             for each in readings
         ],

@@ -14,6 +14,7 @@ from hil.report.numbers import duration
 __all__ = ["Left", "Outlook", "Turns"]
 
 _CUT_SHORT = frozenset({Verdict.ABORTED, Verdict.ERROR, Verdict.NOT_RUN})
+_FASTER = 2.0  # bench time that passes faster than this differs from what a person waits
 _TURN = re.compile(r"(.+) (\d+) of (\d+)", re.DOTALL)
 
 
@@ -25,19 +26,31 @@ class Left:
         case: of the present case, from what was seen of it; None where nothing tells.
         run: of the whole run, from what was seen of all that is left; None where nothing tells.
         at_most: of the whole run, by the declared `max_duration` of its cases.
+        pace: how many seconds of bench time pass in a second; more than 1 on a simulated bench only.
     """
 
     case: float | None
     run: float | None
     at_most: float
+    pace: float = 1.0
 
     def __str__(self) -> str:
+        return f"{self._bench_time()}{self._clock()}"
+
+    def _bench_time(self) -> str:
         bound = f"at most {_rough(self.at_most)}"
         if self.run is not None:
             return f"about {_rough(self.run)} left, {bound}"
         if self.case is not None:
             return f"about {_rough(self.case)} left of this case; in all {bound}"
         return f"{bound} left"
+
+    def _clock(self) -> str:
+        """Return what a person waits where bench time passes faster than that."""
+        if self.pace <= _FASTER:
+            return ""
+        told = f"at most {_rough(self.at_most / self.pace)}" if self.run is None else _rough(self.run / self.pace)
+        return f" of bench time ({told} by the clock)"
 
 
 @dataclass(slots=True, kw_only=True)
@@ -88,10 +101,12 @@ class Outlook:
         fed: the open recording whose rows a limit of the envelope is judged on, by the limit's id.
         held: why the bench is held, None where it is not.
         asked: the question that waits for an answer, None where none does.
+        pace: how many seconds of bench time pass in a second, as far as is known.
     """
 
     def __init__(self) -> None:
         self.t = 0.0
+        self.pace = 1.0
         self.planned = self.ended = 0
         self.case = ""
         self.recordings: dict[str, events.Recording] = {}
@@ -135,7 +150,7 @@ class Outlook:
         if self.case:
             bounds.append(max(0.0, self._limits.get(self.case, 0.0) - self._spent()))
         parts = [self._usual(case) for case in self._waiting] + ([present] if self.case else [])
-        return Left(case=present, run=_sum(parts), at_most=sum(bounds))
+        return Left(case=present, run=_sum(parts), at_most=sum(bounds), pace=self.pace)
 
     def _left_of_case(self) -> float | None:
         """Return what is left of the present case: by its outermost loop, by its like, or by what it records."""

@@ -38,32 +38,40 @@ class Reading:
         channel: the channel's name.
         value: the value, NaN where the instrument had none; None where it is computed from the rows that feed it.
         unit: its unit.
+        instrument: what measured it.
         t: the row's time in s.
         watched: whether it is the envelope's.
         fed: the id of the recording that it is judged on and read from, empty where the envelope takes readings.
         minimum, maximum: limits of the envelope, None where there is none.
+        flow: the current without which the limit does not count: charging, discharging or flowing; empty if always.
+        counts: whether the limit counts now; None where that current is not known.
     """
 
     recording: str
     channel: str
     value: float | None
     unit: str
+    instrument: str
     t: float
     watched: bool
     fed: str = ""
     minimum: float | None = None
     maximum: float | None = None
+    flow: str = ""
+    counts: bool | None = True
 
     def __str__(self) -> str:
         return "-" if self.value is None else with_unit(number(self.value, 5), self.unit)
 
     @property
     def limits(self) -> str:
-        """The limits in words, empty where there is none."""
+        """The limits in words, and when they count; empty where there is none."""
         low, high = (None if bound is None else number(bound) for bound in (self.minimum, self.maximum))
-        if low and high:
-            return with_unit(f"{low} to {high}", self.unit)
-        return with_unit(f"≥ {low}" if low else f"≤ {high}", self.unit) if low or high else ""
+        if not low and not high:
+            return ""
+        bounds = f"{low} to {high}" if low and high else f"≥ {low}" if low else f"≤ {high}"
+        condition = f" while {self.flow}" if self.flow else ""
+        return f"{with_unit(bounds, self.unit)}{condition}{', does not count now' if self.counts is False else ''}"
 
 
 class Readings:
@@ -89,7 +97,19 @@ class Readings:
                 found.append(self._fed(begun[name], feeding, begun[feeding], rows[feeding]))
             else:
                 found.extend(self._reading(begun[name], place, row) for place in range(1, len(row)))
-        return found
+        currents = _currents(begun, rows)
+        return [self._counted(reading, currents.get(reading.instrument)) for reading in found]
+
+    def _counted(self, reading: Reading, current: float | None) -> Reading:
+        """Return a reading with whether its limit counts at the newest current of its instrument."""
+        limit = self._limits.get(reading.recording, {}) if reading.watched else {}
+        flow = text(limit, "while")
+        if not flow:
+            return reading
+        if current is None:
+            return replace(reading, flow=flow, counts=None)
+        along = {"discharging": -current, "flowing": abs(current)}.get(flow, current)
+        return replace(reading, flow=flow, counts=along >= (_bound(limit.get("threshold")) or 0.0))
 
     def _last(self, name: str, begun: Recording) -> tuple[float, ...] | None:
         return _last_row(self._folder / RECORDINGS / f"{name}.rows", len(begun.channels) + 1)
@@ -111,6 +131,7 @@ class Readings:
             channel=channel.name,
             value=row[place],
             unit=channel.unit,
+            instrument=channel.instrument,
             t=row[0],
             watched=watched,
             minimum=_bound(limit.get("min")),
@@ -125,6 +146,17 @@ class Readings:
             return {text(limit, "id"): limit for limit in inners(bench, "envelope")}
         except (OSError, ValueError, HilError, JsonError):
             return {}
+
+
+def _currents(begun: Mapping[str, Recording], rows: Mapping[str, tuple[float, ...]]) -> dict[str, float]:
+    """Return the newest current in A of every instrument of which one is recorded."""
+    found: dict[str, tuple[float, float]] = {}
+    for name, row in rows.items():
+        for channel, value in zip(begun[name].channels, row[1:], strict=False):
+            earlier = found.get(channel.instrument, (-math.inf, 0.0))
+            if (channel.name, channel.unit) == ("current", "A") and math.isfinite(value) and row[0] > earlier[0]:
+                found[channel.instrument] = (row[0], value)
+    return {instrument: value for instrument, (_, value) in found.items()}
 
 
 def _last_row(path: Path, width: int) -> tuple[float, ...] | None:
