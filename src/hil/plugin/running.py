@@ -12,10 +12,8 @@ from functools import partial
 from pathlib import Path
 from typing import NoReturn, Protocol, TextIO
 
-from hil.bench.lease import ack_line, latches_of
 from hil.evidence.folder import JOURNAL, RESULTS, is_sealed
 from hil.executive.ending.acknowledging import require_acknowledged
-from hil.executive.journaling.events import DISK_FULL
 from hil.executive.people.notifying import Notifier
 from hil.executive.people.on_call import OnCall, People, require_unattended
 from hil.executive.people.questions import Declined
@@ -27,6 +25,7 @@ from hil.executive.setup.head import PlannedCase
 from hil.executive.setup.workspace import Workspace
 from hil.model.errors import Diverged, EvidenceError, Refused
 from hil.plugin.launch import launch
+from hil.plugin.left_open import left_open_lines, lost_lines
 from hil.plugin.opening import open_new, open_resumed
 from hil.plugin.terminal.answering import answers_of
 from hil.plugin.terminal.progress import Progress
@@ -35,7 +34,7 @@ from hil.report.summary import closing_lines
 from hil.report.tables import fitting
 from hil.report.write import copy_junit, write_reports
 
-__all__ = ["Word", "left_open_lines", "lost_lines", "resume", "run"]
+__all__ = ["Word", "resume", "run"]
 
 _WITHOUT = {
     2: "interrupted before the run began, nothing was driven",
@@ -361,40 +360,3 @@ def _shown(path: Path) -> str:
     with suppress(OSError, ValueError):  # somebody removed the folder that the run was started in, or it is elsewhere
         return str(path.relative_to(Path.cwd()))
     return str(path)
-
-
-def lost_lines(folder: Path, reason: str, *, unsafe: bool) -> list[str]:
-    """Return what a run lost and was stopped by, and what a person does next.
-
-    Args:
-        folder: the run's folder.
-        reason: what was lost.
-        unsafe: whether an output is not proven safe, so that the bench is latched.
-    """
-    state = "NOT PROVEN SAFE: look at it, and switch off by hand what is on" if unsafe else "safe"
-    steps = ["put right what was lost", *([ack_line(folder.name)] if latches_of(folder.name) else [])]
-    return [f"stopped by {reason}", f"the bench is {state}", f"{', then '.join(steps)}, then hil resume {folder.name}"]
-
-
-def left_open_lines(folder: Path, reason: str) -> list[str]:
-    """Return why a run was stopped and is not sealed, and what a person does next.
-
-    Args:
-        folder: the run's folder.
-        reason: why it was stopped; of a full disk which one, and how much of it is free now, is told, too.
-    """
-    if reason != DISK_FULL:
-        return [f"stopped, and not sealed: resume it with hil resume {folder.name}"]
-    ways = f"resume it with hil resume {folder}, or seal it as it is with hil seal {folder}"
-    return [f"stopped by a full disk, and not sealed: {_disk(folder)}", f"free some space there, then {ways}"]
-
-
-def _disk(folder: Path) -> str:
-    """Return where the folder's file system is mounted, and how much is free now that the reserve was released."""
-    folder = folder.resolve()
-    mounted = next((place for place in (folder, *folder.parents) if place.is_mount()), folder)
-    try:
-        free = shutil.disk_usage(folder).free
-    except OSError:
-        return f"{mounted}"
-    return f"{mounted} has {free:,} bytes free".replace(",", " ")
