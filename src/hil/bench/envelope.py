@@ -26,6 +26,9 @@ _TOGETHER_NS = 10_000_000_000
 _UNKNOWN_NS = 40_000_000
 """How long a first reading is taken to last."""
 
+_ENOUGH = 3
+"""So many readings are seen before a recording is refused for what they take."""
+
 _SOONER = 10
 """After a reading outside, the next one comes this many times sooner, so that a short excess is confirmed too."""
 
@@ -81,7 +84,7 @@ class Monitor:
         self._start_ns = _grid_ns(start_ns, self._period_ns)
         self._outside = 0
         self._lasts_ns = _UNKNOWN_NS
-        self._least_ns = 0
+        self._least_ns = self._seen = 0
         self._hold_ns = self._period_ns
         self.due_ns = start_ns
         self.good_ns = start_ns
@@ -93,8 +96,8 @@ class Monitor:
 
     @property
     def least_room_ns(self) -> int:
-        """The same, judged by the shortest reading so far; 0 before the first."""
-        return self._least_ns + self._least_ns // 4
+        """The same, judged by the shortest reading so far; 0 before the third, since a computer may stall in one."""
+        return self._least_ns + self._least_ns // 4 if self._seen >= _ENOUGH else 0
 
     @property
     def allowed_ns(self) -> int:
@@ -145,6 +148,7 @@ class Monitor:
         figure = self._read()
         self._lasts_ns = now() - began_ns
         self._least_ns = min(self._lasts_ns, self._least_ns or self._lasts_ns)
+        self._seen += 1
         trip = self.judge(self.counted(figure), now()) or unwatched
         if self._outside:
             self.due_ns = min(self.due_ns, began_ns + self._period_ns // _SOONER)

@@ -72,6 +72,9 @@ _NEVER_WAITED = 3
 _IN_PARTS = 4
 """The last format of transcripts in which a question and its reply were operations of their own."""
 
+_NOT_SHARED = 5
+"""The last format of transcripts in which recordings did not share the bus by plan."""
+
 _HEX_SHOWN = 48
 
 
@@ -103,6 +106,7 @@ class Playback:
         at_divergence: hears of an operation that the record does not hold, before it is raised.
         rows_wait: whether rows of its streams waited as long as the limits that they feed allow.
         in_parts: whether a question and its reply were operations of their own.
+        shared: whether recordings shared the bus by plan, and what disturbed one was not held against the article.
     """
 
     def __init__(self, path: Path, clock: Clock, where: Callable[[], str], handover: Handover | None = None) -> None:
@@ -115,6 +119,7 @@ class Playback:
         format_ = format_of(path)
         self.rows_wait = format_ > _NEVER_WAITED
         self.in_parts = format_ <= _IN_PARTS
+        self.shared = format_ > _NOT_SHARED
         alike = format_ <= _ALL_ALIKE
         self._alike = {MONITOR: {MONITOR}, OVERDUE: {MONITOR} if alike else {OVERDUE}}
 

@@ -47,11 +47,12 @@ def test_a_sample_that_takes_long_once_is_inconclusive(tmp_path, dut):
 
 def test_a_device_under_test_that_is_always_slow_fails(tmp_path):
     """The time that its samples usually take is its own affair."""
-    case = Case(tmp_path, asked=(asked(max_gap=0.1),), dut=True)
+    case = Case(tmp_path, asked=(asked(max_gap=0.25),), dut=True)
     held_up(case, seconds=0.3)
     case.run.record("field", case.field, duration=1.0, rate=10.0)
     found = judged(case)
     assert found["rate"] == ("FAIL", "3.32226 Hz is below the minimum of 9.99 Hz")
+    assert found["max_gap"][0] == "FAIL"
 
 
 def test_an_instrument_that_is_always_slow_is_inconclusive(tmp_path):
@@ -67,13 +68,44 @@ def test_an_instrument_that_is_always_slow_is_inconclusive(tmp_path):
 def test_a_reading_too_long_for_the_gap_is_refused_before_the_first_sample(tmp_path):
     """Nothing is known of the samples yet, and the reading alone makes too long a gap."""
     case = Case(tmp_path, asked=(asked(max_gap=0.2),), watched=[(limit("slow", period=0.5, max_age=1.0), 0.18)])
-    case.scheduler.sleep(1.0)
+    case.scheduler.sleep(2.0)
     told = (
         r"slow has to be read at least every 0.5 s .* its reading takes 225 ms .* makes a gap of 225 ms, where 200 ms"
     )
     with pytest.raises(Misused, match=told):
         case.run.record("field", case.field, duration=1.0, rate=10.0)
     assert case.written.of("recording") == []
+
+
+def test_single_readings_and_samples_that_took_long_refuse_nothing(tmp_path):
+    """A computer that stalls says nothing about the reading, nor about the sample, that it stalled in."""
+    case = Case(tmp_path / "sample", asked=(asked(),))
+    held_up(case, 0, 1)
+    case.run.record("before", case.field, duration=0.2, rate=10.0)
+    case.run.record("field", case.field, duration=1.0, rate=10.0)
+    assert {verdict for verdict, _ in judged(case).values()} == {"RECORDED"}
+    case = Case(tmp_path / "reading", asked=(asked(),), watched=[(limit("slow", period=0.5, max_age=1.0), 0.18)])
+    case.scheduler.sleep(0.4)
+    case.run.record("field", case.field, duration=1.0, rate=10.0)
+
+
+@pytest.mark.parametrize(("dut", "verdict"), [(True, "FAIL"), (False, "INCONCLUSIVE")])
+def test_a_device_that_is_too_slow_for_every_turn_beside_a_case(tmp_path, dut, verdict):
+    """It misses every second turn, which makes gaps of two periods, although a sample takes little more than one."""
+    case = Case(tmp_path, asked=(asked(max_gap=0.15),), dut=dut)
+    held_up(case, seconds=0.12)
+    with case.run.record.during("field", case.field, rate=10.0):
+        case.scheduler.sleep(1.5)
+    assert judged(case)["max_gap"][0] == verdict
+
+
+def test_a_record_of_before_is_judged_as_it_was(tmp_path):
+    """Its bytes lead to the verdict that it holds."""
+    case = Case(tmp_path, asked=(asked(),))
+    case.scheduler.timeline.shared = False
+    held_up(case, 4)
+    case.run.record("field", case.field, duration=1.0, rate=10.0)
+    assert judged(case)["max_gap"][0] == "FAIL"
 
 
 def test_a_plan_that_samples_too_slowly_fails(tmp_path):
@@ -103,7 +135,7 @@ def test_a_reading_that_delayed_a_sample_is_named():
     bus.note("the reading of slow", 20, 2_000_000)
     course.sampled(1, 100, 2_000_000, 2_000_010)
     assert course.cause == "the reading of slow delayed sample 2 by 2 ms"
-    assert course.undisturbed_ns(own=True) == [10, 110]
+    assert course.undisturbed_ns(own=True) == 100
 
 
 def test_what_used_the_bus_longest_is_named():

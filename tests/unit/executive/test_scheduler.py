@@ -298,7 +298,7 @@ class Record:
         self.turns = list(turns_ns)
         self.taken: list[int] = []
 
-    rows_wait, in_parts = True, False
+    rows_wait, in_parts, shared = True, False, True
 
     def hand_over_if_due(self) -> None:
         """Go on answering."""

@@ -122,7 +122,10 @@ class Recorder(OfThisProcess):
         role = sources[0].streamed
         clock = self._scheduler.clock
         course = Course(
-            self._scheduler.monitoring.bus, round(NANOSECONDS / rate), "the case, which let no turn be taken,"
+            self._scheduler.monitoring.bus,
+            round(NANOSECONDS / rate),
+            "the case, which let no turn be taken,",
+            skips=True,
         )
         turns = StreamTurns(sources[0], role, clock, rate) if role else SampledTurns(sources, clock, rate, course)
         taking = Taking(facts, sources, turns, self._scheduler, self._store)
@@ -286,11 +289,13 @@ class Recorder(OfThisProcess):
     def _require_room(self, facts: events.Recording, sources: tuple[Facade, ...], pace: Pace) -> None:
         """Refuse a recording that a requirement asks for, and in which rate, gap and maximum ages cannot all hold.
 
-        A device under test that takes too long for its samples is not refused, but judged.
+        A device under test that takes too long for its samples is not refused, but judged. A record of a run that
+        refused none is replayed as it was.
         """
-        if facts.name not in self._gaps_ns or (pace.pause_ns <= 0 and _of_dut(sources)):
+        of_own = pace.pause_ns <= 0 and _of_dut(sources)
+        if facts.name not in self._gaps_ns or of_own or not self._scheduler.timeline.shared:
             return
-        known_ns = self._scheduler.monitoring.bus.sample_ns(_named(sources))
+        known_ns = self._scheduler.monitoring.bus.proven_ns(_named(sources))
         monitors = self._scheduler.monitoring.all if self._scheduler.watching else ()
         if problem := refusal(replace(pace, sample_ns=known_ns), monitors):
             raise Misused(f"record '{facts.name}': {problem}")
@@ -311,7 +316,7 @@ class Recorder(OfThisProcess):
             "recorded": recorded,
             "voids": voids,
             "provenances": provenances,
-            "disturbance": disturbance,
+            "disturbance": disturbance if self._scheduler.timeline.shared else UNDISTURBED,
         }
         self._taken.append(taken)
         return recording

@@ -152,24 +152,17 @@ class Disturbance:
     dut: bool = False
     told: str = ""
 
-    def without(self, item: Recorded) -> NDArray[np.float64] | None:
-        """Return the times of the samples in s as they would be without it, None if they would be the same."""
-        import numpy as np  # noqa: PLC0415 - only recordings pay for it
-
+    @property
+    def without_s(self) -> float | None:
+        """The time from sample to sample in s as it would be without it, 0 if nobody knows; None if it was none."""
         if self.course is None:
-            return np.empty(0) if self.told else None
-        times = np.array(self.course.undisturbed_ns(own=self.dut)) / NANOSECONDS
-        return times if len(times) > 1 and len(item) > 1 else None
+            return 0.0 if self.told else None
+        return self.course.undisturbed_ns(own=self.dut) / NANOSECONDS
 
     @property
     def why(self) -> str:
         """What it was, a sentence without a full stop."""
         return self.told or (self.course.cause if self.course else "")
-
-    @property
-    def resolution_s(self) -> float:
-        """The standard uncertainty of a sample's time in s."""
-        return self.course.resolution_s if self.course else 0.0
 
 
 UNDISTURBED = Disturbance()
@@ -223,22 +216,17 @@ def data_checks(records: Records, taken: Sequence[Mapping[str, object]]) -> Iter
     if records.rate_hz is not None:
         limit = _at_least("rate", records.rate_hz * (1 - _RATE_TOLERANCE), "Hz")
         rates = [_rate(item, span) for item, span in zip(found, spans, strict=True)]
-        yield _poorest(limit, "Hz", rates, named, spans)
+        yield _poorest(limit, "Hz", rates, named)
     if records.max_gap_s is not None:
         limit = _at_most("max_gap", records.max_gap_s, "s")
         gaps = [_gap(item, without) for item, without in zip(found, ends, strict=True)]
-        yield _poorest(limit, "s", gaps, named, spans)
+        yield _poorest(limit, "s", gaps, named)
         yield from _stopped(records.max_gap_s, found, ends)
 
 
-def _poorest(
-    limit: Limit, unit: str, values: Sequence[float], named: Sequence[Mapping[str, object]], spans: Sequence[float]
-) -> Criterion:
+def _poorest(limit: Limit, unit: str, values: Sequence[float], named: Sequence[Mapping[str, object]]) -> Criterion:
     """Return the criterion for the recording that meets it worst; one that is excused does not hide one that is not."""
-    judged = [
-        _excused(limit, _timed(value, unit, taken, span), taken)
-        for value, taken, span in zip(values, named, spans, strict=True)
-    ]
+    judged = [_excused(limit, _exact(value, unit), taken) for value, taken in zip(values, named, strict=True)]
     figure, reason = max(judged, key=lambda each: (_fails(limit, each[0]), _beyond(limit, each[0].value)))
     return limit, figure, reason
 
@@ -251,33 +239,19 @@ def _rate(item: Recorded, span: float) -> float:
     return (len(item) - 1) / span if span else 0.0
 
 
-def _timed(value: float, unit: str, taken: Mapping[str, object], span: float) -> Figure:
-    """Return a rate or a gap, which follows from the times of two samples, with its uncertainty where that is known."""
-    time_s = math.sqrt(2) * cast("Disturbance", taken.get("disturbance", UNDISTURBED)).resolution_s
-    uncertainty = time_s * value / span if unit == "Hz" and span else time_s
-    return Figure(value=round(value, 9), unit=unit, uncertainty=float(f"{uncertainty:.6g}") if uncertainty else None)
-
-
 def _excused(limit: Limit, figure: Figure, taken: Mapping[str, object]) -> tuple[Figure, str]:
     """Return a rate or gap that misses its limit as not observable, with the reason, where the article is not to blame.
 
-    It is not where the criterion would be met without what disturbed the recording, or where the limit is nearer than
-    the times of two samples can tell.
+    It is not where the criterion would be met without what disturbed the recording. Rates and gaps have no uncertainty
+    of their own: every sample is stamped when it has come, so that the time that one usually takes drops out of their
+    differences, and one that took another time is a disturbance.
     """
     disturbance = cast("Disturbance", taken.get("disturbance", UNDISTURBED))
     if _beyond(limit, figure.value) <= 0:
         return figure, ""
-    if _beyond(limit, figure.value) <= _K95 * (figure.uncertainty or 0.0):
-        told = f"the times of the samples do not tell {figure.value:.6g} {figure.unit} from the limit"
-        return replace(figure, status=FigureStatus.NOT_OBSERVABLE), told
-    times = disturbance.without(cast("Recorded", taken["recorded"]))
-    if times is None:
+    apart_s = disturbance.without_s
+    if apart_s is None or (apart_s and _beyond(limit, apart_s if figure.unit == "s" else 1 / apart_s) > 0):
         return figure, ""
-    if len(times):
-        apart = times[1:] - times[:-1]
-        otherwise = float(apart.max()) if figure.unit == "s" else len(apart) / float(apart.sum())
-        if _beyond(limit, otherwise) > 0:
-            return figure, ""
     return replace(figure, status=FigureStatus.NOT_OBSERVABLE), disturbance.why
 
 
@@ -307,7 +281,6 @@ def _ends_of_voids(taken: Mapping[str, object]) -> list[int]:
     return [part.end for part in voids if 0 < part.end < len(recorded)]
 
 
-_K95 = 1.96
 _RATE_TOLERANCE = 1e-3
 """A sampling clock may be this much slow: quartz is, and the last sample's latency counts, too."""
 

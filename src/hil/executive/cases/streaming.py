@@ -248,8 +248,8 @@ class StreamTurns:
             self.due_ns -= self.due_ns % self._pause_ns
 
     def _fetch(self) -> None:
-        began_ns, self._fetched_ns = self._fetched_ns, self._clock.now_ns()
-        if (apart_ns := self._fetched_ns - began_ns) > 2 * self._pause_ns and not self.late:
+        before_ns, self._fetched_ns = self._fetched_ns, self._clock.now_ns()
+        if (apart_ns := self._fetched_ns - before_ns) > 2 * self._pause_ns and not self.late:
             self.late = (
                 f"rows were fetched after {apart_ns / NANOSECONDS:.4g} s, where {self._pause_ns / NANOSECONDS:.4g} s"
                 " are planned: the case, another instrument or the computer held that up"
@@ -260,6 +260,8 @@ class StreamTurns:
             self.failed = True
             self.due_ns = FOREVER_NS
             raise
+        if self._source.instrument.dut:
+            self._fetched_ns = self._clock.now_ns()  # the time that it takes to answer is its own affair
         if self._enough is not None and len(block):
             self._first = float(block[0, 0]) if self._first is None else self._first
             wanted = block[block[:, 0] - self._first <= self._enough]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+from array import array
 from collections import deque
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -15,6 +15,9 @@ from hil.clock.port import NANOSECONDS, Clock
 __all__ = ["Bus", "Course", "Pace", "Share", "refusal"]
 
 _REMEMBERED = 256
+_ENOUGH = 3
+"""So many samples are seen before one is called too slow: a computer may stall in a single one."""
+
 _NO_GAP = 2**62
 
 
@@ -62,8 +65,8 @@ class Pace:
 def refusal(pace: Pace, monitors: Sequence[Monitor]) -> str:
     """Return why rate, gap and maximum ages cannot all hold in a recording, with the figures; empty if they can.
 
-    Every figure is the best that was seen: the shortest sample, the shortest reading. A recording that begins is read
-    around, so that only limits count whose last reading would become too old before its end.
+    Every figure is the best of at least three that were seen: the shortest sample, the shortest reading. A recording
+    that begins is read around, so that only limits count whose last reading would become too old before its end.
 
     Args:
         pace: of the recording.
@@ -166,7 +169,7 @@ class Bus:
     def __init__(self) -> None:
         self.shares: list[Share] = []
         self._uses: deque[tuple[int, int, str]] = deque(maxlen=_REMEMBERED)
-        self._lasts_ns: dict[str, int] = {}
+        self._lasts_ns: dict[str, tuple[int, int]] = {}
 
     def note(self, what: str, began_ns: int, ended_ns: int) -> None:
         """Note what took time."""
@@ -190,11 +193,17 @@ class Bus:
 
     def sample_ns(self, source: str) -> int:
         """Return how long a sample of these roles took at least, 0 if none was taken yet."""
-        return self._lasts_ns.get(source, 0)
+        return self._lasts_ns.get(source, (0, 0))[0]
+
+    def proven_ns(self, source: str) -> int:
+        """Return the same where enough samples were seen to refuse a recording for it, else 0."""
+        lasts_ns, seen = self._lasts_ns.get(source, (0, 0))
+        return lasts_ns if seen >= _ENOUGH else 0
 
     def sampled(self, source: str, lasted_ns: int) -> None:
         """Note how long a sample of these roles took."""
-        self._lasts_ns[source] = min(lasted_ns, self._lasts_ns.get(source, lasted_ns))
+        lasts_ns, seen = self._lasts_ns.get(source, (lasted_ns, 0))
+        self._lasts_ns[source] = min(lasted_ns, lasts_ns), seen + 1
 
     def room(self, monitor: Monitor, now_ns: int, until_ns: int) -> bool:
         """Return whether a monitor takes its turn now, in a wait until `until_ns`; at that instant nothing waits."""
@@ -212,71 +221,63 @@ class Bus:
 
 
 class Course:
-    """How the sampling of a recording went: when samples were due, when they were taken, and what came between.
+    """How the sampling of a recording went: how long samples took, and what came between them.
 
     Args:
         bus: knows what else used it.
         period_ns: from sample to sample.
         otherwise: what it was if nothing of that did.
+        skips: whether a sample that cannot be taken in time is left out, and not taken late.
     """
 
-    def __init__(self, bus: Bus, period_ns: int, otherwise: str) -> None:
+    def __init__(self, bus: Bus, period_ns: int, otherwise: str, *, skips: bool = False) -> None:
         self._bus = bus
         self._period_ns = period_ns
         self._otherwise = otherwise
-        self._taken: dict[int, tuple[int, int]] = {}
+        self._skips = skips
+        self._lasted_ns = array("q")
+        self._longest = (0, 0)
         self._worst = (0, "")
-        self._start_ns: int | None = None
-        self._ended_ns = 0
+        self._ended_ns: int | None = None
 
     def sampled(self, index: int, due_ns: int, began_ns: int, ended_ns: int) -> None:
         """Note a sample: when it was due, when it was asked for, and when it had come."""
-        if self._start_ns is None:
-            self._start_ns, self._ended_ns = due_ns - index * self._period_ns, due_ns
-        since_ns = max(due_ns, self._ended_ns)
-        if began_ns - since_ns > self._worst[0]:
-            cause = self._bus.between(self._ended_ns, began_ns) or self._otherwise
-            self._worst = began_ns - since_ns, f"{cause} delayed sample {index + 1} by {_ms(began_ns - since_ns)}"
-        self._taken[index] = began_ns, ended_ns
+        before_ns = due_ns if self._ended_ns is None else self._ended_ns
+        late_ns = began_ns - max(due_ns, before_ns)
+        if late_ns > self._worst[0]:
+            cause = self._bus.between(before_ns, began_ns) or self._otherwise
+            self._worst = late_ns, f"{cause} delayed sample {index + 1} by {_ms(late_ns)}"
+        self._lasted_ns.append(ended_ns - began_ns)
+        self._longest = max(self._longest, (ended_ns - began_ns, -index))
         self._ended_ns = ended_ns
 
-    def undisturbed_ns(self, *, own: bool) -> list[int]:
-        """Return when the samples would have come without what came between, and without single ones that took long.
+    def undisturbed_ns(self, *, own: bool) -> int:
+        """Return the time from sample to sample without what came between, and without single ones that took long.
+
+        Every sample is stamped when it has come, so that what each of them takes drops out, unless it is too long.
 
         Args:
             own: whether the time that a sample usually takes counts: it is that of the device under test.
         """
         usual_ns = self._usual_ns if own else 0
-        times: list[int] = []
-        for index in range(min(self._taken, default=0), max(self._taken, default=-1) + 1):
-            due_ns = (self._start_ns or 0) + index * self._period_ns
-            times.append(max(due_ns, times[-1] if times else due_ns) + usual_ns)
-        return times
+        if self._skips:
+            return max(1, -(-usual_ns // self._period_ns)) * self._period_ns
+        return max(self._period_ns, usual_ns)
 
     @property
     def cause(self) -> str:
         """What disturbed it most, in a sentence without a full stop; empty if nothing did."""
-        usual_ns = self._usual_ns
-        longest = max(self._taken, key=self._lasted_ns, default=None)
-        if longest is not None and (over_ns := self._lasted_ns(longest) - usual_ns) > self._worst[0]:
-            told = f"sample {longest + 1} took {_ms(self._lasted_ns(longest))}, where {_ms(usual_ns)} are usual"
-            return f"{told}: the instrument, its line or the computer was held up" if over_ns > 0 else told
+        usual_ns, (longest_ns, index) = self._usual_ns, self._longest
+        if longest_ns - usual_ns > self._worst[0]:
+            told = f"sample {1 - index} took {_ms(longest_ns)}, where {_ms(usual_ns)} are usual"
+            return f"{told}: the instrument, its line or the computer was held up"
         if self._worst[1]:
             return self._worst[1]
-        return f"a sample took {_ms(usual_ns)}, and one was due every {_ms(self._period_ns)}" if self._taken else ""
-
-    @property
-    def resolution_s(self) -> float:
-        """The standard uncertainty of a sample's time in s: it was taken at some instant while it was asked for."""
-        return self._usual_ns / NANOSECONDS / math.sqrt(12)
+        return f"a sample took {_ms(usual_ns)}, and one was due every {_ms(self._period_ns)}" if usual_ns else ""
 
     @property
     def _usual_ns(self) -> int:
-        return median_low([ended - began for began, ended in self._taken.values()]) if self._taken else 0
-
-    def _lasted_ns(self, index: int) -> int:
-        began_ns, ended_ns = self._taken[index]
-        return ended_ns - began_ns
+        return median_low(self._lasted_ns) if self._lasted_ns else 0
 
 
 def _ms(duration_ns: int) -> str:

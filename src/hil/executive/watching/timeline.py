@@ -45,10 +45,12 @@ class Timeline(Protocol):
     Attributes:
         rows_wait: whether rows of streams wait as long as the limits that they feed allow.
         rows_together: whether rows that may wait are fetched where limits take their turns.
+        shared: whether recordings share the bus by plan, and what disturbed one is not held against the article.
     """
 
     rows_wait: bool
     rows_together: bool
+    shared: bool
 
     @property
     def retraces(self) -> bool:
@@ -116,7 +118,7 @@ class OnBench:
         machine: the machine that drives it.
     """
 
-    rows_wait = rows_together = True
+    rows_wait = rows_together = shared = True
 
     def __init__(self, bench: BoundBench, machine: Machine) -> None:
         self._bench = bench
@@ -262,6 +264,7 @@ class OnRecord:
         self._not_opened = not_opened
         self.rows_wait = playback.rows_wait
         self.rows_together = not playback.in_parts
+        self.shared = playback.shared
 
     @property
     def retraces(self) -> bool:
