@@ -169,18 +169,31 @@ def parameters(runs: Iterable[RunSummary]) -> set[str]:
 
 
 def trends(found: Iterable[Point]) -> tuple[Trend, ...]:
-    """Return checks by requirement, member and case; numbers are in the newest limit's unit where they convert."""
+    """Return checks by requirement, member and case; numbers are in the newest limit's unit where they convert.
+
+    Those that do not convert make series of their own, each in the unit of its own newest limit.
+    """
     by: dict[tuple[str, str, str], list[Point]] = {}
     for each in found:
         by.setdefault((each.requirement, each.case, each.of), []).append(each)
     made = []
     for (requirement, case, of), items in sorted(by.items()):
-        unit = items[-1].limit_unit or items[-1].unit
-        together = [converted for each in items if (converted := _in_unit(each, unit)) is not None]
-        apart = [each for each in items if _in_unit(each, unit) is None]
-        for its_unit, group in ((unit, together), *((each.unit, [each]) for each in apart)):
-            made.append(Trend(requirement=requirement, of=of, case=case, unit=its_unit, points=tuple(group)))
+        for unit, group in _by_unit(items):
+            made.append(Trend(requirement=requirement, of=of, case=case, unit=unit, points=group))
     return tuple(made)
+
+
+def _by_unit(items: Sequence[Point]) -> Iterator[tuple[str, tuple[Point, ...]]]:
+    """Yield the checks that convert into one unit, that of the newest first."""
+    while items:
+        newest = items[-1]
+        unit = newest.limit_unit or newest.unit
+        if _in_unit(newest, unit) is None:
+            unit = newest.unit
+        converted = [(each, _in_unit(each, unit)) for each in items]
+        together = tuple(point for _, point in converted if point is not None) or (newest,)
+        yield unit, together
+        items = [each for each, point in converted if point is None and each is not newest]
 
 
 def _in_unit(point: Point, unit: str) -> Point | None:
@@ -225,14 +238,15 @@ def line(found: Sequence[Point]) -> Line | None:
     by the uncertainties.
 
     Returns:
-        None with fewer than three numbers at different times.
+        None with fewer than three numbers at different times, or where all of them are within less than a day.
     """
     from scipy import special  # noqa: PLC0415 - start-up stays light
 
     numbers = [
         (seconds_of(each.run.began), each.value) for each in found if each.run.began and isinstance(each.value, float)
     ]
-    if len({when for when, _ in numbers}) < _LEAST:
+    moments = {when for when, _ in numbers}
+    if len(moments) < _LEAST or max(moments) - min(moments) < _SECONDS_PER_DAY:
         return None
     when, what = np.array(numbers, dtype=float).T
     days = (when - when.mean()) / _SECONDS_PER_DAY

@@ -377,9 +377,13 @@ def test_every_form_of_the_document_lists_drivers_of_other_packages():
     told = "driver ina226 of package hil-ina226 1.2 is as it was installed from an index"
     document = audit(world_of([package(others=(told,))]))
     assert json.loads(as_json(document))["others"] == [{"package": "run-1", "text": told}]
-    assert "drivers from other packages:" in list(as_lines(document))
+    lines = list(as_lines(document))
+    assert lines[lines.index("parts of other packages:") + 1].startswith(f"  {told[:60]}")
+    twice = audit(world_of([package(others=(told,)), package("run-2", others=(told,))]))
+    text = " ".join(" ".join(as_lines(twice)).split())
+    assert (text.count(told), f"{told} (2 runs)" in text) == (1, True)
     assert f"run-1: {told}" in "".join(as_html(document, "reports"))
-    assert ("Driver from another package", f"run-1: {told}") in list(summary_sheet(document))
+    assert ("Part of another package", f"run-1: {told}") in list(summary_sheet(document))
 
 
 def test_every_code_has_one_place_on_the_terminal():

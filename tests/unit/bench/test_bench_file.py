@@ -159,7 +159,7 @@ CHANGES = [
     (
         ("{output: supply.coil, quantity: v", "{output: relays, quantity: v"),
         "{output: relays, q",
-        "relays has no voltage",
+        "relays has no voltage: the role relays has no quantities for clamps, envelope and proofs; name another output",
     ),
     # Envelope.
     (('max: "0.03", ', ""), "{id: coil-current", "coil-current: a limit needs min, max or both"),
@@ -179,7 +179,12 @@ CHANGES = [
     (
         ("id: sensor-voltage, output: supply.sensor", "id: x, output: magnetometer"),
         "{id: x",
-        "magnetometer has no voltage",
+        "magnetometer has no voltage: the role magnetometer has temperature",
+    ),
+    (
+        ("id: sensor-voltage, output: supply.sensor, quantity: voltage", "id: x, output: relays, quantity: plate"),
+        "{id: x",
+        "relays has no plate: the role relays has no quantities",
     ),
     # Safe-off and rest.
     (("state: released", "state: relesed"), "{output: relays", "unknown state 'relesed', did you mean 'released'?"),

@@ -11,6 +11,7 @@ from evidence_runs import DUT, begin, case_end, check, record, recorded_check, s
 from typed_events import event_of
 
 from hil.audit.trend import Point, line, spread, trends
+from hil.cli.commands.trend import _statistics
 from hil.cli.main import main
 from hil.evidence.events.cases import Bounds
 from hil.evidence.folder import JOURNAL
@@ -70,7 +71,7 @@ def test_a_parameter_over_runs_is_a_table(capsys, workspace):
     assert max(map(len, lines)) <= 80
     assert lines[:3] == ["GYR-030  rate_error of x [deg/s]", "  test_rest", "  limit -0.5 to 0.5"]
     assert lines[4].split() == ["2026-11-01", "10:00", "01abcd", "SN1", "0.100", "±", "0.020", "PASS", "hardware"]
-    assert lines[-2:] == ["  SN1: n = 3, mean 0.2, s 0.1", "    slope 0.1 per day, 95% interval 0.1 to 0.1"]
+    assert lines[-2:] == ["  SN1: n = 3, mean 0.200, s 0.1", "    slope 0.1 deg/s per day, 95% interval"]
     assert "SIMULATED" in next(row for row in lines if "SN2" in row)
     assert "SN2" not in said(capsys, "trend", "rate_error", "--hardware")[1]
 
@@ -144,6 +145,36 @@ def test_numbers_come_in_the_unit_of_the_newest_limit():
     (found,) = trends([older, at(2, 1.6)])
     assert (found.points[0].limit.max, found.points[0].expanded) == ("1.5", 0.2)
     assert len(trends([at(1, 5.0, unit="V", limit_unit="V"), at(2, 1.6)])) == 2
+
+
+def test_a_limit_whose_unit_changed_leaves_two_series():
+    """Differences in K and temperatures in degC are two tables, not one for each older check."""
+    kelvin = [at(day, float(day), unit="K", limit_unit="K") for day in (1, 2, 3)]
+    now = [at(day, 20.0, unit="degC", limit_unit="degC") for day in (4, 5)]
+    assert [(each.unit, len(each.points)) for each in trends([*kelvin, *now])] == [("degC", 2), ("K", 3)]
+
+
+def test_statistics_are_of_one_bench_and_end_where_their_uncertainty_does():
+    """A simulated bench is not pooled with another one; a slope has its unit."""
+    numbers = [at(day, value, unit="degC", limit_unit="degC") for day, value in ((1, 1.0), (2, 2.0), (3, 4.0))]
+    here, there = (
+        [replace(each, run=replace(each.run, dut="SN1", bench=bench, source="hardware")) for each in numbers]
+        for bench in ("lab", "cleanroom")
+    )
+    (found,) = trends([*here, *there])
+    assert list(_statistics(found)) == [
+        "  SN1, bench lab: n = 3, mean 2.33, s 1.5",
+        "    slope (1.5 ± 3.7) K per day, 95% interval",
+        "  SN1, bench cleanroom: n = 3, mean 2.33, s 1.5",
+        "    slope (1.5 ± 3.7) K per day, 95% interval",
+    ]
+
+
+def test_runs_of_one_day_have_no_slope():
+    """A slope per day of what took minutes says nothing."""
+    hours = ("08", "09", "23")
+    runs = [replace(at(1, 1.0), run=replace(POINT.run, began=f"2026-11-01T{hour}:00:00Z")) for hour in hours]
+    assert line(runs) is None
 
 
 def test_a_slope_needs_three_moments_and_has_an_interval():

@@ -92,6 +92,18 @@ def test_every_driver_plant_and_fault_is_on_the_page():
     assert sorted(name for name in names if f"`{name}`" not in BENCH_FILE and f'`"{name}"`' not in BENCH_FILE) == []
 
 
+def test_the_page_says_which_quantities_each_role_has():
+    """The table of roles is that of the roles, with what can be read."""
+    table = BENCH_FILE.partition("### Quantities of roles")[2].partition("### ")[0]
+    told = {
+        role: re.findall(r"`(\w+)`", cells[1])
+        for cells in (row.strip("| ").split(" | ") for row in table.splitlines() if row.startswith("| `"))
+        for role in re.findall(r"`(\w+)`", cells[0])
+    }
+    read = {name: [each for each in ROLES[name].quantities if each in ROLES[name].operations] for name in ROLES}
+    assert told == read
+
+
 def test_every_fixture_is_on_the_page():
     """The page about cases has a row or a section for every fixture that a case can ask for."""
     module = case_fixtures(lambda: None, ROLES)

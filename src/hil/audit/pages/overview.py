@@ -55,7 +55,7 @@ def _elsewhere(summary: Summary) -> Iterator[str]:
     yield "</details>\n"
 
 
-_OTHERS = "Drivers from other packages"
+_OTHERS = "Parts of other packages"
 
 
 def _notices(document: Document) -> Iterator[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import textwrap
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from hil.audit.document import Code, Document, GapKind, Summary
@@ -69,11 +70,11 @@ def as_lines(document: Document) -> Iterator[str]:
 def _others(document: Document) -> Iterator[str]:
     if document.others:
         yield ""
-        yield "drivers from other packages:"
-        for each in document.others[:_MOST]:
-            yield f"  {each.package}"
-            yield from _wrapped(each.text, "    ")
-        yield from _more(document.others, "driver")
+        yield "parts of other packages:"
+        runs = Counter(each.text for each in document.others)
+        for text in list(runs)[:_MOST]:
+            yield from _wrapped(f"{text} ({_counted(runs[text], 'run')})", "  ", "    ")
+        yield from _more(list(runs), "part")
 
 
 def _exceptions(document: Document) -> Iterator[str]:

@@ -128,7 +128,7 @@ def _summary(document: Document) -> Iterator[_Cells]:
         ("EXCEPTION: hardware by the bench file's word alone", f"{each.package}: {each.instrument}: {each.reason}")
         for each in document.exceptions
     )
-    yield from (("Driver from another package", f"{each.package}: {each.text}") for each in document.others)
+    yield from (("Part of another package", f"{each.package}: {each.text}") for each in document.others)
     yield from (("Not usable", problem) for problem in document.problems)
     yield "Catalogue, SHA-256", inputs.catalogue
     yield "Register of units, SHA-256", inputs.duts

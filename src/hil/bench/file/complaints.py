@@ -6,13 +6,14 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import Any, TypeVar
 
 from hil.documents.offers import Offers
-from hil.documents.suggest import did_you_mean
+from hil.documents.suggest import did_you_mean, nearest
 from hil.instruments.registry import quantity_units, role_of
+from hil.instruments.role import Role
 from hil.model.bench import Bus, InstrumentSpec
 from hil.model.errors import Refused
 from hil.model.notation import Path
 
-__all__ = ["Complaints", "known", "listed", "named", "quantity", "quantity_of", "usable"]
+__all__ = ["Complaints", "known", "listed", "named", "quantities_told", "quantity", "quantity_of", "usable"]
 
 Complaints = Iterator[tuple[Path, str]]
 """What is wrong, and at which path of the bench file."""
@@ -57,10 +58,18 @@ def quantity(at: Path, name: str, unit: str) -> Complaints:
 def quantity_of(at: Path, output: str, name: str, unit: str) -> Complaints:
     """Complain about a quantity that the output's role does not have, or of a unit in which it does not give it."""
     role, units = role_of(output), quantity_units()
-    own = {each: (given,) for each, given in role.quantities.items()} if role else {}
-    yield from _given(at, name, unit, {**units, **own})
-    if role and name in units and name not in own:
-        yield at, f"{output} has no {name}"
+    if role and name and name not in role.quantities and (name in units or not nearest(name, role.quantities)):
+        yield at, f"{output} has no {name}: {quantities_told(role)}"
+        return
+    own = {each: (given,) for each, given in role.quantities.items()} if role else units
+    yield from _given(at, name, unit, own)
+
+
+def quantities_told(role: Role) -> str:
+    """Return which quantities a role has for clamps, envelope and proofs, and what to do where it has none."""
+    if role.quantities:
+        return f"the role {role.name} has {', '.join(role.quantities)}"
+    return f"the role {role.name} has no quantities for clamps, envelope and proofs; name another output"
 
 
 def _given(at: Path, name: str, unit: str, units: Mapping[str, Collection[str]]) -> Complaints:

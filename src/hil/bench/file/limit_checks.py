@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator
 
 from hil.bench.derived.derivation import INTEGRALS, TIMES, UNITS
-from hil.bench.file.complaints import Complaints, known, listed, named, quantity, quantity_of
+from hil.bench.file.complaints import Complaints, known, listed, named, quantities_told, quantity, quantity_of
 from hil.clock.wall import is_date
 from hil.documents.suggest import did_you_mean
 from hil.instruments.registry import ROLES, quantity_units, role_of, unit_of
@@ -123,7 +123,7 @@ def _sources(spec: BenchSpec, limit: EnvelopeLimit) -> Iterator[str]:
     elif limit.against == limit.output:
         yield f"{limit.output} cannot be held against itself"
     elif limit.quantity in units and other and limit.quantity not in other.quantities:
-        yield f"{limit.against} has no {limit.quantity}"
+        yield f"{limit.against} has no {limit.quantity}: {quantities_told(other)}"
 
 
 def _numbers(limit: EnvelopeLimit) -> Iterator[str]:

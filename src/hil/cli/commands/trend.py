@@ -13,12 +13,13 @@ from hil.documents.suggest import did_you_mean
 from hil.model.errors import Refused
 
 if TYPE_CHECKING:
-    from hil.audit.trend import Point, Trend
+    from hil.audit.trend import Line, Point, Spread, Trend
     from hil.evidence.runs import RunSummary
 
 __all__ = ["command"]
 
 _HARDWARE = "hardware"
+_EXACT = 1e-9  # of a number: a smaller scatter is rounding
 
 
 @click.command(name="trend", epilog="Example: hil trend noise --requirement JIG-MAG-020 --plot noise.svg")
@@ -45,8 +46,8 @@ def command(
 
     Every check is a row: beginning and short id of the run, unit under test, value with expanded uncertainty, the
     limit at that time, verdict. A table holds the checks of one requirement, case and member; what is the same in all
-    of its rows stands above it. Below it stand mean and standard deviation for each unit and source, and with values
-    of three or more moments the slope per day with its 95 % interval, which takes the scatter as independent.
+    of its rows stands above it. Below it stand mean and standard deviation for each unit, bench and source, and with
+    three or more values over at least a day the slope with its 95 % interval, which takes the scatter as independent.
 
     Packages get the quick look of hil runs; hil verify is the proof.
     """
@@ -153,23 +154,43 @@ _MAY_BE_ABOVE = ("DUT", "limit", "source", "deviates")
 
 
 def _statistics(found: Trend) -> Iterator[str]:
-    """Give a line for each unit and source, as simple as the numbers allow."""
+    """Give a line for each unit, bench and source, as simple as the numbers allow."""
     from hil.audit import trend  # noqa: PLC0415 - heavy
     from hil.report.numbers import number  # noqa: PLC0415 - heavy
 
-    groups: dict[tuple[str, str], list[Point]] = {}
+    groups: dict[tuple[str, str, str], list[Point]] = {}
     for point in found.points:
         if isinstance(point.value, float):
-            groups.setdefault((point.run.dut, point.run.source), []).append(point)
-    for (dut, source), points in groups.items():
+            groups.setdefault((point.run.dut, point.run.bench, point.run.source), []).append(point)
+    benches = {bench for _, bench, _ in groups}
+    for (dut, bench, source), points in groups.items():
         if len(points) < 2:
             continue
         its = trend.spread([point.value for point in points if isinstance(point.value, float)])
-        mark = "" if source == _HARDWARE else f", {source.upper()}"
-        yield f"  {dut}{mark}: n = {its.size}, mean {number(its.mean, 5)}, s {number(its.deviation, 3)}"
+        mark = (f", bench {bench}" if len(benches) > 1 else "") + ("" if source == _HARDWARE else f", {source.upper()}")
+        yield f"  {dut}{mark}: n = {its.size}, mean {_mean(its)}, s {number(its.deviation, 2)}"
         if line := trend.line(points):
-            ends = f"{number(line.low, 3)} to {number(line.high, 3)}"
-            yield f"    slope {number(line.slope, 3)} per day, {trend.CONFIDENCE:.0%} interval {ends}"
+            yield f"    slope {_slope(line, found.unit)}, {trend.CONFIDENCE:.0%} interval"
+
+
+def _mean(its: Spread) -> str:
+    """Return a mean with the digits that its standard uncertainty, s / sqrt(n), allows."""
+    from hil.report.numbers import number, rounded  # noqa: PLC0415 - heavy
+
+    uncertainty = (its.deviation or 0.0) / its.size**0.5
+    if uncertainty <= abs(its.mean) * _EXACT:
+        return number(its.mean, 5)
+    digits, _, exponent = rounded(its.mean, uncertainty)
+    return number(its.mean, 5) if exponent else digits
+
+
+def _slope(line: Line, unit: str) -> str:
+    """Return a slope with its unit, and with the digits that its interval allows."""
+    from hil.report.numbers import measured  # noqa: PLC0415 - heavy
+
+    reach = (line.high - line.low) / 2
+    known = reach if reach > abs(line.slope) * _EXACT else None
+    return f"{measured(line.slope, known, {'degC': 'K'}.get(unit, unit))} per day"
 
 
 def _draw(path: Path, parameter: str, found: Sequence[Trend]) -> None:
