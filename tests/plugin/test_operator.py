@@ -8,7 +8,7 @@ from workspaces import agreed, make
 
 from hil.evidence.package.verification import verify
 from hil.model.errors import ConfigurationError
-from hil.plugin.rehearsing import replay
+from hil.plugin.rehearsing import procedure, replay
 
 ASKING = """
 @pytest.mark.requirement("T-050")
@@ -96,3 +96,12 @@ def test_the_simulated_person_says_what_it_does_not_know(tmp_path):
     ran = make(tmp_path / "workspace", ASKING).run()
     agreed(ran, {"test_asking": "ERROR"}, "ERROR", 1)
     assert "the simulated person does not know what 'voltmeter' is" in ran.reasons("test_asking")
+
+
+def test_a_procedure_is_rehearsed_with_the_answers_of_the_run(tmp_path):
+    """What passes in a run with an answers file passes in `hil plan` with the same file, and not without it."""
+    workspace = make(tmp_path / "workspace", ASKING)
+    path = answers(workspace, '{jig-closed: "Yes", voltmeter: "4.98"}')
+    told, alone = (procedure(workspace.request(answers=given)) for given in (path, None))
+    assert [any(line.startswith("not passed") for line in lines) for lines in (told, alone)] == [False, True]
+    assert workspace.folders() == []

@@ -6,6 +6,7 @@ import csv
 import re
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from battery_runs import battery_workspace
@@ -18,6 +19,7 @@ from hil.plugin.rehearsing import replay
 pytestmark = [pytest.mark.system, pytest.mark.timeout(1800)]
 
 PLAN = "battery_degradation"
+PAGE = Path(__file__).parents[2] / "docs/how-to/degradation-run.md"
 VERDICTS = {
     "EPS-DEG-001": "PASS",
     "EPS-DEG-002": "PASS",
@@ -182,3 +184,5 @@ def test_weeks_take_little_more_memory_than_days(tmp_path):
     (ended,) = [event for event in bodies(package, "recording-end") if event["recording"].endswith("-test")]
     assert ended["rows"] * 5 == pytest.approx(844 * 3600, rel=0.005)
     assert weeks / days < LARGEST_RATIO, (weeks, days)
+    (fade,) = [event for event in bodies(package, "check") if event["parameter"] == "capacity_fade"]
+    assert f"capacity_fade = ({float(fade['value']):.7f} ± " in PAGE.read_text(encoding="utf-8")

@@ -86,6 +86,19 @@ def test_the_audit_tells_of_a_new_clone_what_the_page_shows(tmp_path):
 
 
 @pytest.mark.system
+@pytest.mark.timeout(300)
+@pytest.mark.parametrize("page", ["degradation-run", "interrupted-run"])
+def test_a_run_ends_as_told(page, tmp_path):
+    """Eleven cycles with the fade that the page shows; a run that is killed, and passes when it is resumed."""
+    for name in ("fixtures", "testplans"):
+        shutil.copytree(ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / "pyproject.toml", tmp_path)
+    steps = [step for step in steps_of(DOCS / "how-to" / f"{page}.md") if isinstance(step, Command)]
+    last = next(n for n, step in enumerate(steps) if "PASS  1 case: 1 passed." in step.shown or "latest" in step.text)
+    assert follow(steps[: last + 1], tmp_path) == ""
+
+
+@pytest.mark.system
 @pytest.mark.alone
 @pytest.mark.timeout(600)
 def test_a_real_bench_is_rehearsed_as_told(tmp_path):
