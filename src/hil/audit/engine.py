@@ -15,9 +15,6 @@ from hil.audit.document import (
     Compliance,
     Document,
     Evidence,
-    Exempted,
-    Gap,
-    GapKind,
     Inputs,
     OtherCode,
     Planning,
@@ -26,18 +23,18 @@ from hil.audit.document import (
     summary_of,
 )
 from hil.audit.elsewhere import by_children, on_hardware
+from hil.audit.gaps import BY_CASES, exceptions_of, gaps_of, problems_of
 from hil.audit.inputs import Approval, Asked, Package, World, catalogue_digest
 from hil.audit.ledgered import Ledgered, ledgered
 from hil.audit.remembered import removed_from
 from hil.model.identity import Purpose, Source
 from hil.model.verdict import Verdict
 from hil.registers.nonconformances import Waiver
-from hil.requirements.requirement import Kind, Method
+from hil.requirements.requirement import Kind
 
 __all__ = ["audit"]
 
 _RANK = {code: rank for rank, code in enumerate(Code)}
-_BY_CASES = frozenset({Method.TEST, Method.INSPECTION})
 _FAILS = frozenset({Code.FAILED, Code.SUPERSEDED_BY_FAIL})
 _HARDWARE = frozenset({Source.HARDWARE, ""})
 """The sources whose FAIL counts; one that is not known may be hardware."""
@@ -67,7 +64,7 @@ def audit(world: World) -> Document:
         below = [rows[child] for child in children[identifier] if child in rows]
         rows[identifier] = _row(asked[identifier], claims, below, by, planned(identifier))
     ordered = tuple(rows[identifier] for identifier in asked)
-    gaps = tuple(sorted(_gaps(ordered, packages, world)))
+    gaps = tuple(sorted(gaps_of(ordered, packages, world)))
     return Document(
         format=FORMAT,
         workspace=world.name,
@@ -86,8 +83,8 @@ def audit(world: World) -> Document:
         summary=summary_of(ordered, gaps),
         rows=ordered,
         gaps=gaps,
-        problems=(*world.problems, *_problems(packages, book)),
-        exceptions=tuple(sorted(_exceptions(packages))),
+        problems=(*world.problems, *problems_of(packages, book)),
+        exceptions=tuple(sorted(exceptions_of(packages))),
         others=tuple(sorted(OtherCode(package=each.folder, text=told) for each in packages for told in each.others)),
     )
 
@@ -328,7 +325,7 @@ def _fail(claim: Claim, *, later: bool, earlier: bool) -> Reason:
 
 
 def _no_evidence(asked: Asked) -> str:
-    if asked.method not in _BY_CASES:
+    if asked.method not in BY_CASES:
         return f"it is verified by {asked.method}, and no package shows that"
     return "no package has evidence for it"
 
@@ -362,38 +359,3 @@ def _compliance(
     if own or (not by_itself and any(row.compliance is not Compliance.NO for row in below)):
         return Compliance.PARTIAL
     return Compliance.NO
-
-
-def _gaps(rows: Sequence[Row], packages: Sequence[Package], world: World) -> Iterator[Gap]:
-    present = {each.id for each in world.asked if not each.withdrawn}
-    for row in rows:
-        if row.kind == Kind.PARENT and not row.children:
-            yield Gap(kind=GapKind.WITHOUT_CHILDREN, name=row.id, where=row.planning.place)
-        wanted = row.id in present and row.kind != Kind.PARENT and row.method in _BY_CASES
-        if wanted and not row.planning.cases:
-            yield Gap(kind=GapKind.WITHOUT_CASE, name=row.id, where=row.planning.place)
-    for case in world.cases or ():
-        if not case.marked:
-            yield Gap(kind=GapKind.WITHOUT_REQUIREMENT, name=case.case, where=case.place)
-    known = {each.id for each in world.asked}
-    newest = {plan: package for package in packages for plan in package.plans}
-    for package in {package.folder: package for package in newest.values()}.values():
-        for name in package.orphans if world.cases is None else ():
-            yield Gap(kind=GapKind.WITHOUT_REQUIREMENT, name=name, where=package.folder)
-        for identifier in package.results:
-            if identifier not in known:
-                yield Gap(kind=GapKind.NOT_IN_CATALOGUE, name=identifier, where=package.folder)
-
-
-def _exceptions(packages: Sequence[Package]) -> Iterator[Exempted]:
-    for package in packages:
-        for instrument, reason in package.exceptions:
-            yield Exempted(package=package.folder, instrument=instrument, reason=reason)
-
-
-def _problems(packages: Sequence[Package], book: Ledgered) -> Iterator[str]:
-    yield from (f"{each.name}: it was taken out or changed, and nobody has said why" for each in book.removed.told)
-    yield from (each.text for each in book.missing)
-    for package in packages:
-        if package.problem:
-            yield f"{package.folder}: {package.problem}"
