@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from functools import wraps
 from typing import Any, ParamSpec, TypeVar, cast
 
@@ -16,6 +17,7 @@ from hil.model.provenance import (
     Provenance,
     merged,
     provenance_of,
+    provenances_in,
     stamped,
     within_library,
 )
@@ -24,6 +26,8 @@ __all__ = ["Samples", "samples", "traced"]
 
 _Given = ParamSpec("_Given")
 _Result = TypeVar("_Result")
+_Found = tuple[str, tuple[Provenance, ...]]
+"""The name of an argument, and every provenance in it."""
 
 
 def traced(function: Callable[_Given, _Result]) -> Callable[_Given, _Result]:
@@ -32,22 +36,66 @@ def traced(function: Callable[_Given, _Result]) -> Callable[_Given, _Result]:
     Without any provenance, as in a notebook with numbers of its own, nothing changes. Inside, numbers and arrays
     compute as plain ones; of nested calls the outermost counts.
     """
-    name = function.__name__
+    name, stated_unit = function.__name__, _unit_argument(function)
 
     @wraps(function)
     def call(*args: _Given.args, **kwargs: _Given.kwargs) -> _Result:
         if within_library.active():
             return function(*args, **kwargs)
-        provenance = provenance_of(args, kwargs)
+        found = [*zip(stated_unit.names, map(provenances_in, args), strict=False)]  # nothing traced takes `*args`
+        found += [(key, provenances_in(each)) for key, each in kwargs.items()]
+        provenance = merged(*dict.fromkeys(each for _, several in found for each in several))
         if provenance is None:
             return function(*args, **kwargs)
+        stated_unit.require(found, args, kwargs)
         data = [each for each in (*args, *kwargs.values()) if type(each) in {tuple, list} and provenance_of(each)]
         provenance = _with_written(provenance, _operands(data, whole=False))
         with within_library():
             result = function(*(_bare(each) for each in args), **{key: _bare(each) for key, each in kwargs.items()})
-        return cast("_Result", stamped(result, provenance.through(name), _stamped_array))
+        return cast("_Result", stamped(result, provenance.without_unit().through(name), _stamped_array))
 
     return call
+
+
+_IN_UNIT = frozenset(
+    {"base", "baseline", "data", "level", "minus", "plus", "resolution", "samples", "systematic", "top"}
+    | {"uncertainty", "value", "values", "zero"}
+)
+"""Arguments of the library's functions that are in the unit of its argument `unit`, or else in that of `values`."""
+_OF_LEVELS = frozenset({"mean", "observed", "peak", "rest_mean"})
+"""Functions with a unit whose results are levels; of those of all others the differences between samples count."""
+
+
+@dataclass(frozen=True, slots=True)
+class _UnitArgument:
+    """Which unit a function of the library is told for its values, and that it is the one they were recorded in."""
+
+    names: tuple[str, ...]
+    default: str | None
+    of_levels: bool
+
+    def require(self, found: Iterable[_Found], args: tuple[Any, ...], kwargs: Mapping[str, Any]) -> None:
+        """Refuse a stated unit that is not the one that the arguments were recorded in."""
+        units = [(name, each.recorded) for name, several in found for each in several if name in _IN_UNIT]
+        known = [(name, each) for name, each in units if each is not None]
+        if not known:
+            return
+        place = self.names.index("unit") if "unit" in self.names else None
+        if place is None:
+            stated = next((each.text for name, each in known if name == "values"), None)
+        else:
+            stated = kwargs.get("unit", args[place] if place < len(args) else self.default)
+        for _, each in known:
+            if isinstance(stated, str):
+                each.require(stated, difference=not self.of_levels)
+
+
+def _unit_argument(function: Callable[..., Any]) -> _UnitArgument:
+    code = function.__code__
+    names = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
+    default = (function.__kwdefaults__ or {}).get("unit")
+    # A default of 1 is a plain number only because nobody said what the data are.
+    return _UnitArgument(names, None if default == "1" else default, function.__name__ in _OF_LEVELS)
 
 
 _LARGEST_WRITTEN = 8
@@ -57,6 +105,15 @@ _FILLED = frozenset({"empty_like", "full_like", "ones_like", "zeros_like"})
 _WRITING = frozenset({"copyto", "fill_diagonal", "place", "put", "put_along_axis", "putmask"})
 _WHOLE = frozenset({"append", "clip", "full_like", "insert", "nan_to_num", "select", "where"})
 """Functions of NumPy whose whole numbers are values; those of others are axes, orders and places."""
+_SHIFTING = frozenset({"add", "diff", "ediff1d", "nanstd", "ptp", "std", "subtract"})
+_SAME_UNIT = frozenset(
+    {"absolute", "amax", "amin", "append", "array_split", "atleast_1d", "atleast_2d", "average", "clip", "column_stack"}
+    | {"concatenate", "copy", "delete", "expand_dims", "fabs", "flip", "fmax", "fmin", "hstack", "max", "maximum"}
+    | {"mean", "median", "min", "minimum", "moveaxis", "nan_to_num", "nanmax", "nanmean", "nanmedian", "nanmin"}
+    | {"nanpercentile", "nanquantile", "negative", "percentile", "positive", "quantile", "ravel", "reshape", "roll"}
+    | {"sort", "split", "squeeze", "stack", "take", "transpose", "unique", "vstack", "where"}
+)
+"""Functions of NumPy whose results are in the unit of what they are given; those of all others may be in any."""
 _CANCELLING = frozenset({np.subtract, np.divide, np.floor_divide})
 _SHAPE_ONLY = "only the shape of a recording is left: its samples were filled by the plan"
 _OWN_ARRAY = "the plan itself made an array that stands behind it"
@@ -84,7 +141,9 @@ class Samples(np.ndarray[Any, np.dtype[Any]]):
         result = getattr(ufunc, method)(*_bare(inputs), **_bare(kwargs))
         if within_library.active():
             return _bare(result)
-        found = _computed(inputs, inputs if method in {"__call__", "outer", "at"} else ()).but(*_nothing(ufunc, inputs))
+        keeps = _keeps(ufunc.__name__) if method == "__call__" else Provenance.without_unit
+        operands = inputs if method in {"__call__", "outer", "at"} else ()
+        found = _computed(inputs, operands, keeps).but(*_nothing(ufunc, inputs))
         for each in (*kwargs.get("out", ()), *(inputs[:1] if method == "at" else ())):
             if isinstance(each, Samples):
                 each.take_note(found if found.sources else found.but(_WROTE))
@@ -99,7 +158,8 @@ class Samples(np.ndarray[Any, np.dtype[Any]]):
         given = (*args, *kwargs.values())
         if name in _WRITING and args and isinstance(args[0], Samples):
             args[0].take_note((provenance_of(given[1:]) or Provenance()).but(_WROTE))
-        found = _computed(given, () if name in _PLACES else _operands(given, whole=name in _WHOLE))
+        operands = () if name in _PLACES else _operands(given, whole=name in _WHOLE)
+        found = _computed(given, operands, _keeps(name))
         made = _with(result, found.but(_SHAPE_ONLY) if name in _FILLED else found)
         for each in args:
             if (
@@ -136,19 +196,30 @@ class Samples(np.ndarray[Any, np.dtype[Any]]):
         return (self[place] for place in range(len(self)))
 
 
+def _keeps(name: str) -> Callable[[Provenance], Provenance]:
+    """Return what a function of NumPy, or a method of arrays, makes of the unit that its arguments were recorded in."""
+    if name in _SHIFTING:
+        return Provenance.of_difference
+    return _as_it_is if name in _SAME_UNIT else Provenance.without_unit
+
+
+def _as_it_is(provenance: Provenance) -> Provenance:
+    return provenance
+
+
 def _reduction(name: str) -> Callable[..., Any]:
     """Return a method of arrays that computes as NumPy does, on the plain array."""
-    operation = getattr(np.ndarray, name)
+    operation, keeps = getattr(np.ndarray, name), _keeps(name)
 
     def method(self: Samples, *args: Any, **kwargs: Any) -> Any:
         result = operation(self.view(np.ndarray), *_bare(args), **_bare(kwargs))
-        return _bare(result) if within_library.active() else _with(result, _computed((self, args, kwargs), ()))
+        return _bare(result) if within_library.active() else _with(result, _computed((self, args, kwargs), (), keeps))
 
     method.__name__, method.__doc__ = name, operation.__doc__
     return method
 
 
-for _name in ("max", "mean", "min", "prod", "std", "sum", "var"):
+for _name in ("cumprod", "dot", "max", "mean", "min", "prod", "std", "sum", "var"):
     setattr(Samples, _name, _reduction(_name))
 
 
@@ -159,9 +230,10 @@ def samples(array: NDArray[Any], provenance: Provenance) -> Samples:
     return view
 
 
-def _computed(given: object, operands: Iterable[Any]) -> Provenance:
+def _computed(given: object, operands: Iterable[Any], keeps: Callable[[Provenance], Provenance]) -> Provenance:
     """Return the provenance of what the plan computed of what was given, with the numbers and arrays of its own."""
-    return _with_written((provenance_of(given) or Provenance()).through("arithmetic of the plan"), operands)
+    found = keeps(provenance_of(given) or Provenance())
+    return _with_written(found.through("arithmetic of the plan"), operands)
 
 
 def _with_written(found: Provenance, operands: Iterable[Any]) -> Provenance:

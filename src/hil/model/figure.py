@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from numbers import Integral, Real
 
-from hil.model.provenance import BY_ITSELF, TIMES_ZERO, Issued, Provenance, Word, merged
+from hil.model.provenance import BY_ITSELF, TEMPERATURES, TIMES_ZERO, Issued, Provenance, Word, merged
 
 __all__ = ["Figure", "FigureStatus", "decoded", "effective_dof", "encoded"]
 
@@ -30,6 +30,7 @@ class Figure:
     follow to first order (GUM 5.1.2), degrees of freedom by Welch and Satterthwaite (GUM G.2b). Figures of different
     instruments or units are independent. Those of one instrument in one unit share an unknown part of their errors:
     where these would add up, they are added as fully correlated; where they would cancel, as independent.
+    The difference of two temperatures in degC is in K.
 
     Attributes:
         value: the number, in `unit`; NaN is allowed and never passes a check.
@@ -77,7 +78,7 @@ class Figure:
         """Return it as issued with this provenance; only the executive and the library call this."""
         bare = (float(self.value), self.unit, _plain(self.uncertainty), float(self.dof), self.status)
         value, unit, uncertainty, dof, status = bare
-        issued = replace(provenance, issued=bare)
+        issued = replace(provenance, issued=bare, recorded=None)
         return Figure(value=value, unit=unit, uncertainty=uncertainty, dof=dof, status=status, provenance=issued)
 
     @property
@@ -88,6 +89,9 @@ class Figure:
         """Find where the numbers are from that a provenance was not issued for."""
         own = getattr(self.value, "provenance", None)
         of_uncertainty = getattr(self.uncertainty, "provenance", None)
+        for each, difference in ((own, False), (of_uncertainty, True)):
+            if each is not None and each.recorded is not None:
+                each.recorded.require(self.unit, difference=difference)
         before = None if self.provenance is None else self.provenance.issued
         found: Provenance | None = merged(own, of_uncertainty) if own is not None else None
         if self.provenance is not None and found is None:
@@ -98,7 +102,7 @@ class Figure:
             value, uncertainty = self.value, self.uncertainty
             object.__setattr__(self, "value", float(value) if hasattr(value, "provenance") else value)
             object.__setattr__(self, "uncertainty", uncertainty if of_uncertainty is None else _plain(uncertainty))
-            object.__setattr__(self, "provenance", replace(found, issued=self._numbers))
+            object.__setattr__(self, "provenance", replace(found, issued=self._numbers, recorded=None))
 
     def __neg__(self) -> Figure:
         return self._made(-self.value, self.unit, [(-1.0, self)])
@@ -116,7 +120,9 @@ class Figure:
     def __sub__(self, other: Figure | float) -> Figure:
         if not isinstance(other, Figure):
             return self._shifted(-other)
-        made = self._made(self.value - other.value, self._common(other), [(1.0, self), (-1.0, other)])
+        unit = self._common(other)
+        unit = "K" if unit in TEMPERATURES else unit
+        made = self._made(self.value - other.value, unit, [(1.0, self), (-1.0, other)])
         return made.without_reading(BY_ITSELF) if other is self else made
 
     def __rsub__(self, other: float) -> Figure:

@@ -12,22 +12,63 @@ from threading import local
 from types import TracebackType
 from typing import Any, Self
 
+from hil.model.errors import Misused
+
 __all__ = [
     "BY_ITSELF",
+    "TEMPERATURES",
     "TIMES_ZERO",
     "Count",
     "Number",
     "Provenance",
+    "RecordedUnit",
     "Word",
     "answer_to",
     "merged",
     "provenance_of",
+    "provenances_in",
     "stamped",
     "within_library",
 ]
 
 Issued = tuple[float, str, float | None, float, str]
 """The numbers of one figure: value, unit, uncertainty, degrees of freedom, status."""
+
+
+TEMPERATURES = frozenset({"degC", "°C", "degreeC"})
+"""Units with an offset, whose differences are in K."""
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedUnit:
+    """The unit that values were recorded in, which they keep while numbers are only added or subtracted.
+
+    Attributes:
+        text: the unit.
+        same: whether numbers in one unit mean the same in another; the third argument says that they are differences.
+        difference: whether something was added or subtracted, so that degC may have become K.
+    """
+
+    text: str
+    same: Callable[[str, str, bool], bool]
+    difference: bool = False
+
+    def require(self, stated: str, *, difference: bool = False) -> None:
+        """Refuse another unit for these values.
+
+        Args:
+            stated: what the plan calls their unit.
+            difference: whether only their differences count.
+
+        Raises:
+            Misused: if it is not the unit that they were recorded in.
+        """
+        if not self.same(self.text, stated, difference or self.difference):
+            known = f"{self.text}, or K if it is a difference" if self.text in TEMPERATURES else self.text
+            raise Misused(
+                f"the values are in {self.text} as recorded, not in {stated}",
+                f"state {known}; to convert them, multiply them first",
+            )
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +86,7 @@ class Provenance:
         doubts: why the data cannot be trusted, a sentence each; a check of them is INCONCLUSIVE.
         numbers: those that the plan wrote and computed with, at most `MOST_NUMBERS`.
         issued: the numbers of the figure that it was issued for; a changed copy of that figure has others.
+        recorded: the unit of the samples and numbers of a recording, None if it is not known (any more).
     """
 
     instruments: tuple[str, ...] = ()
@@ -55,6 +97,7 @@ class Provenance:
     doubts: tuple[str, ...] = ()
     numbers: tuple[float, ...] = ()
     issued: Issued | None = None
+    recorded: RecordedUnit | None = None
 
     @property
     def measured(self) -> bool:
@@ -64,6 +107,16 @@ class Provenance:
     def through(self, name: str) -> Provenance:
         """Return the provenance of what a function of this name made of it."""
         return self if name in self.by else replace(self, by=(*self.by, name))
+
+    def without_unit(self) -> Provenance:
+        """Return the provenance of what may be in any unit: a product, or what a function made."""
+        return self if self.recorded is None else replace(self, recorded=None)
+
+    def of_difference(self) -> Provenance:
+        """Return the provenance of what something was added to or subtracted from."""
+        if self.recorded is None or self.recorded.difference:
+            return self
+        return replace(self, recorded=replace(self.recorded, difference=True))
 
     def with_number(self, number: float) -> Provenance:
         """Return the provenance of what was computed with a number that the plan wrote."""
@@ -127,7 +180,19 @@ def _both(one: Provenance, other: Provenance) -> Provenance:
         uncovered=_union(one.uncovered, other.uncovered),
         doubts=_union(one.doubts, other.doubts),
         numbers=numbers[:MOST_NUMBERS],
+        recorded=_common_unit(one, other),
     )
+
+
+def _common_unit(one: Provenance, other: Provenance) -> RecordedUnit | None:
+    """Return the unit of what was recorded in one unit; parameters of the plan are in whatever it takes them for."""
+    first, second = one.recorded, other.recorded
+    if first is None or second is None:
+        known, unknown = (second, one) if first is None else (first, other)
+        return None if unknown.instruments else known
+    if first.text != second.text:
+        return None
+    return first if first.difference else second
 
 
 def _union(one: tuple[str, ...], other: tuple[str, ...]) -> tuple[str, ...]:
@@ -162,6 +227,8 @@ class within_library:  # noqa: N801 - used as a statement
 _ARITHMETIC = "arithmetic of the plan"
 _VANISHING = frozenset({"__mul__", "__pow__"})
 _CANCELLING = frozenset({"__sub__", "__rsub__", "__truediv__", "__rtruediv__"})
+_SHIFTING = frozenset({"__add__", "__sub__", "__rsub__"})
+_SAME_UNIT = frozenset({"__neg__", "__abs__"})
 TIMES_ZERO = "what was read was multiplied by zero, so that nothing of it is left"
 BY_ITSELF = "what was read was subtracted from itself, or divided by itself, so that nothing of it is left"
 
@@ -175,6 +242,8 @@ def _arithmetic(name: str) -> Callable[..., Any]:
             return result
         found = merged(self.provenance, *(getattr(each, "provenance", None) for each in others))
         made = (found or self.provenance).through(_ARITHMETIC).with_numbers(*others)
+        if name not in _SAME_UNIT:
+            made = made.of_difference() if name in _SHIFTING else made.without_unit()
         if name in _VANISHING and others == (0,):
             made = made.but(TIMES_ZERO)
         elif name in _CANCELLING and others[0] is self:
@@ -249,7 +318,12 @@ _PLAIN = frozenset({float, int, str, bool, bytes, type(None)})
 
 def provenance_of(*things: object) -> Provenance | None:
     """Return the provenance of all that lies in these things, however deep in lists, mappings and dataclasses."""
-    return merged(*dict.fromkeys(_found(things)))
+    return merged(*provenances_in(*things))
+
+
+def provenances_in(*things: object) -> tuple[Provenance, ...]:
+    """Return every provenance that lies in these things, each once."""
+    return tuple(dict.fromkeys(_found(things)))
 
 
 def _found(thing: object) -> Iterator[Provenance]:

@@ -21,7 +21,7 @@ from hil.model.errors import HilError
 if TYPE_CHECKING:
     import pint
 
-__all__ = ["UnitError", "check_unit", "compatible", "convert", "is_plain", "scale"]
+__all__ = ["UnitError", "check_unit", "compatible", "convert", "is_plain", "same", "scale"]
 
 _DEFINITIONS = Path(__file__).with_name("units.txt")
 _LONGEST = 100
@@ -112,6 +112,23 @@ def is_plain(text: str) -> bool:
     grams = 1000.0 ** cast("float", unit.dimensionality.get("[mass]", 0))
     degrees = math.radians(1.0) ** cast("float", unit.dimensionality.get("[angle]", 0))
     return any(math.isclose(factor, grams * angle, rel_tol=1e-12) for angle in (1.0, degrees))
+
+
+@lru_cache(maxsize=1024)
+def same(one: str, other: str, differences: bool = False) -> bool:  # noqa: FBT002 - an answer is kept for each
+    """Return whether numbers in one unit mean the same in the other; a text that is no unit is not told from any.
+
+    Args:
+        one: such as `degC`.
+        other: such as `K`, which differences in degC may be called, but no temperature.
+        differences: whether the numbers are differences.
+    """
+    if one == other:
+        return True
+    try:
+        return (differences or compatible(one, other)) and math.isclose(scale(one, other), 1.0, rel_tol=1e-12)
+    except UnitError:
+        return bool(check_unit(one) or check_unit(other))
 
 
 @lru_cache(maxsize=1024)

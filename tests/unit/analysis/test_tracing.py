@@ -5,14 +5,28 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hil.analysis import magnitude, mean, resistance, share_known, standard_deviation, widened
+from hil.analysis import (
+    charge,
+    crossing,
+    fade,
+    magnitude,
+    mean,
+    observed,
+    peak,
+    resistance,
+    share_known,
+    standard_deviation,
+    widened,
+)
 from hil.analysis.gyroscope.calibrate import calibrate
 from hil.analysis.gyroscope.interchange import as_json, from_json
 from hil.analysis.gyroscope.readings import reading
 from hil.analysis.gyroscope.self_check import reproduction
 from hil.analysis.tracing import Samples, samples
+from hil.model.errors import Misused
 from hil.model.figure import Figure
-from hil.model.provenance import BY_ITSELF, TIMES_ZERO, Number, Provenance
+from hil.model.provenance import BY_ITSELF, TIMES_ZERO, Number, Provenance, RecordedUnit, stamped
+from hil.requirements.units import same
 
 FIELD = Provenance(instruments=("mag1",), sources=("recording field, x",))
 SUPPLY = Provenance(instruments=("psu1",), sources=("supply.load.current",))
@@ -170,3 +184,64 @@ def test_honest_arithmetic_on_samples_proves():
     assert np.clip(X, 2, 3).provenance.numbers == (2.0, 3.0)
     assert np.diff(X, n=1).provenance.numbers == ()
     assert X.std(ddof=1).provenance.numbers == ()
+
+
+def plate(unit="degC", values=(40.1, 41.0, 41.97, 41.2, 40.3)):
+    """Return what an instrument recorded in this unit."""
+    known = Provenance(instruments=("daq1",), sources=("recording warm",), recorded=RecordedUnit(unit, same))
+    return samples(np.array(values), known)
+
+
+TIME = samples(np.arange(5.0), Provenance(instruments=("daq1",), sources=("recording warm",)))
+SETPOINT = stamped(40.0, Provenance(sources=("parameter setpoint",)))
+
+
+@pytest.mark.parametrize(
+    ("compute", "unit"),
+    [
+        (lambda x: peak(TIME, x - 40, "mK"), "mK"),
+        (lambda x: peak(TIME, x - SETPOINT, "mK"), "mK"),
+        (lambda x: peak(TIME, x, "K"), "K"),
+        (lambda x: mean(np.sort(x[1:] - x.mean()), "mK"), "mK"),
+        (lambda x: mean(list(x), unit="V"), "V"),
+        (lambda x: standard_deviation(x, "mK"), "mK"),
+        (lambda x: charge(TIME, x, "A"), "A"),
+        (lambda x: observed(x.max(), "mK"), "mK"),
+        (lambda x: fade([1, 2, 3, 4, 5], x, "Wh"), "Wh"),
+        (lambda x: peak(TIME, x * 1e3, "mK", resolution=x[0] - x[1]), "mK"),
+        (lambda x: Figure(value=x.mean(), unit="mK"), "mK"),
+        (lambda x: Figure(value=np.median(x) - 40, unit="mK"), "mK"),
+        (lambda x: Figure(value=x[0] * 1e3, unit="mK", uncertainty=x.std()), "mK"),
+        (lambda x: crossing(TIME, x, plate("V")[2]), "degC"),
+    ],
+)
+def test_what_was_recorded_in_one_unit_is_not_called_another(compute, unit):
+    """While numbers were only added to it or subtracted from it, parts of it taken, and averages."""
+    with pytest.raises(Misused, match=rf"^the values are in (degC|V) as recorded, not in {unit}; state "):
+        compute(plate())
+
+
+@pytest.mark.parametrize(
+    "compute",
+    [
+        lambda x: peak(TIME, x, "degC"),
+        lambda x: peak(TIME, x, "°C"),
+        lambda x: peak(TIME, x - 40, "K"),
+        lambda x: peak(TIME, x - SETPOINT, "delta_degC"),
+        lambda x: peak(TIME, (x - 40) * 1e3, "mK"),
+        lambda x: standard_deviation(x, "K"),
+        lambda x: charge(TIME, x, "K"),
+        lambda x: mean(np.column_stack([TIME, x])[:, 1], "V"),
+        lambda x: mean(np.square(x), "K²"),
+        lambda x: Figure(value=x.std(), unit="K"),
+        lambda x: Figure(value=x.max() - x.min(), unit="K", uncertainty=x.std()),
+        lambda x: Figure(value=x[0] / 2, unit="V"),
+        lambda x: Figure(value=peak(TIME, x, "degC").value, unit="V"),
+        lambda x: mean(x.copy().__imul__(1e3), "mK"),
+        lambda x: mean(plate("uT", x), "µT"),
+        lambda x: mean(plate("a unit of its own", x), "V"),
+    ],
+)
+def test_the_unit_as_recorded_a_difference_in_kelvin_and_what_was_converted(compute):
+    """All of it passes: the same unit spelled otherwise, differences, and products, which may be in any unit."""
+    assert compute(plate()).value == pytest.approx(compute(plate()).value)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import inf, nan
 
 import pytest
 from adcs_bench import adcs
 
-from hil.executive.cases.certificate import calibrated, standard_uncertainty
+from hil.executive.cases.certificate import calibrated, standard_uncertainty, uncovered
 from hil.model.bench import CalibratedRange, Calibration
 from hil.model.figure import Figure
 
@@ -66,3 +67,11 @@ def test_committed_certificates_cover_what_the_campaign_reads():
     assert standard_uncertainty(supply, "A", 0.016) == pytest.approx(6e-5)
     assert standard_uncertainty(supply, "V", 5.0) == pytest.approx(0.0035)
     assert standard_uncertainty(sensor, "uT", -38.9) == pytest.approx(0.2945)
+
+
+def test_a_difference_of_temperatures_needs_no_certificate_of_its_own():
+    """A certificate in degC says what to do with K: the readings brought their uncertainties."""
+    entry = CalibratedRange(quantity="temperature", unit="degC", low=-40, high=125, absolute=0.2)
+    record = Calibration(certificate="psu1.txt", due="2027-09-30", ranges=(entry,))
+    (told,) = uncovered(replace(adcs().instrument("psu1"), calibration=record), "K", 1.97)
+    assert told.startswith("the certificate of psu1 covers nothing in K: a difference of temperatures has")

@@ -198,3 +198,12 @@ def test_numpys_numbers_of_the_plan_are_told():
     assert len(many.provenance.numbers) == 64
     (sentence,) = many.provenance.unproven
     assert sentence.startswith("it was computed with more than 64 different numbers of the plan")
+
+
+def test_a_difference_of_temperatures_is_in_kelvin():
+    """With the uncertainties of both readings, which no certificate in K has to cover."""
+    warm, cold = (Figure(value=value, unit="degC", uncertainty=0.3).with_provenance(METER) for value in (41.97, 40.0))
+    found = warm - cold
+    assert (found.value, found.unit) == (pytest.approx(1.97), "K")
+    assert found.uncertainty == pytest.approx(math.hypot(0.3, 0.3))
+    assert found.provenance.unproven == found.provenance.uncovered == ()

@@ -7,12 +7,13 @@ from dataclasses import replace
 
 from hil.model.bench import CalibratedRange, Calibration, InstrumentSpec
 from hil.model.figure import Figure
-from hil.requirements.units import UnitError, compatible, convert, scale
+from hil.requirements.units import UnitError, compatible, convert, same, scale
 
 __all__ = ["calibrated", "standard_uncertainty", "uncovered"]
 
 _NEEDS_NONE = frozenset({"", "1", "count", "s"})
 """Counts, states and plain numbers measure nothing, and time is the bench clock's: none of them needs a certificate."""
+_OF_READINGS = ": a difference of temperatures has the uncertainties of its readings, without `instrument`"
 
 
 def standard_uncertainty(calibration: Calibration | None, unit: str, value: float) -> float | None:
@@ -64,6 +65,7 @@ def uncovered(instrument: InstrumentSpec, unit: str, *values: float) -> tuple[st
     if calibration is None:
         return (f"{name} has no calibration record",)
     if not any(_covers(entry, unit) for entry in calibration.ranges):
-        return (f"the certificate of {name} covers nothing in {unit}",)
+        told = _OF_READINGS if any(same(entry.unit, unit, True) for entry in calibration.ranges) else ""
+        return (f"the certificate of {name} covers nothing in {unit}{told}",)
     outside = [each for each in values if math.isfinite(each) and standard_uncertainty(calibration, unit, each) is None]
     return (f"no range in the certificate of {name} covers {max(outside, key=abs):.6g} {unit}",) if outside else ()

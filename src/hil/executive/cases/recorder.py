@@ -30,7 +30,8 @@ from hil.executive.watching.sharing import Course, Pace, refusal
 from hil.instruments.sampled import Frame, StreamReport
 from hil.model.errors import Misused
 from hil.model.identity import Source
-from hil.model.provenance import Provenance
+from hil.model.provenance import Provenance, RecordedUnit
+from hil.requirements.units import same
 
 if TYPE_CHECKING:
     import numpy as np
@@ -362,6 +363,7 @@ def _known(
             sources=(f"recording {facts.name}, {channel.name}",),
             uncovered=uncovered(instrument, channel.unit, *ends),
             doubts=(doubted[channel.name],) if channel.name in doubted else (),
+            recorded=RecordedUnit(channel.unit, same),
         )
     return uncertainties, provenances
 

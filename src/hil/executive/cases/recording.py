@@ -100,12 +100,12 @@ class Recording:
     def uncertainty(self, channel: str) -> float | None:
         """Return the standard uncertainty that the certificate gives this channel, None if unknown."""
         found = self._uncertainties[channel]
-        return None if found is None else Number(found, self._provenances[channel])
+        return None if found is None else Number(found, self._provenances[channel].of_difference())
 
     def resolution(self, channel: str) -> float | None:
         """Return the step of the converter behind one channel of a capture, None for any other recording."""
         found = self._steps.get(channel)
-        return None if found is None else Number(found, self._provenances[channel])
+        return None if found is None else Number(found, self._provenances[channel].of_difference())
 
 
 def _known(array: NDArray[np.float64], provenance: Provenance) -> NDArray[np.float64]:
