@@ -45,7 +45,7 @@ def procedure_lines(events: Sequence[Event], requirements: Mapping[str, Body]) -
     named = dict.fromkeys(name for case in planned for name in case.requirements)
     facts = [*_driven(events), *_deviations(run), *_not_passed(run, placed), *_not_covered(requirements, named)]
     lines = [_head(run, len(planned), events), *labelled(facts)]
-    lines += [line for name in named for line in _requirement(name, requirements.get(name, {}))]
+    lines += _asked([list(_requirement(name, requirements.get(name, {}))) for name in named])
     by_case = _by(placed, lambda each: each.case)
     for place, case in enumerate(planned, 1):
         lines += ["", *_case(f"[{place}/{len(planned)}]", case, by_case.get(case.case, []))]
@@ -86,9 +86,16 @@ def _not_covered(requirements: Mapping[str, Body], named: Container[str]) -> Ite
 def _requirement(name: str, entry: Body) -> Iterator[str]:
     """Give what a requirement asks for, a line each, its id before the first."""
     asked = demands(entry) or ("limits not recorded",)
-    yield ""
     yield f"{name}  {asked[0]}"
     yield from (f"{' ' * len(name)}  {line}" for line in asked[1:])
+
+
+def _asked(told: Sequence[Sequence[str]]) -> Iterator[str]:
+    """Give the lines of requirements; an empty one stands before the first, and around those of several lines."""
+    for before, lines in zip([[""] * 2, *told], told, strict=False):
+        if max(len(before), len(lines)) > 1:
+            yield ""
+        yield from lines
 
 
 def _case(place: str, case: PlannedCase, events: Sequence[Placed]) -> Iterator[str]:

@@ -96,8 +96,8 @@ def test_the_pages_driver_reads_the_pages_peer(modules):
 
 def test_the_pages_role_plant_and_fault_are_what_they_should_be(modules):
     """The page's entry points name objects that are taken; the role says what it takes, the plant swings."""
-    role, plant, faults = (
-        each[name] for each, name in zip(modules[2:], ("COMPASS", "MODEL", "BadContact"), strict=True)
+    role, plant, _, faults = (
+        each[name] for each, name in zip(modules[2:], ("COMPASS", "MODEL", "MODEL", "BadContact"), strict=True)
     )
     assert problem_with("compass", role) == ""
     assert role.operations["turn"].arguments["offset"] == Argument("offset", number=True, unit="deg")
@@ -109,6 +109,24 @@ def test_the_pages_role_plant_and_fault_are_what_they_should_be(modules):
     assert magnet.observe("heading") == pytest.approx(10 * math.exp(-0.3) * math.cos(3.0), abs=1e-3)
     (always,) = read_faults([{"kind": "bad-contact", "share": "1"}], (), (faults,)).faults
     assert always.spoiled(b"abc", Seeds(0).stream("bus", "faults"), 5) == b"\xff\xff\xff"
+
+
+def test_the_pages_heater_follows_its_supply_and_its_contact(modules):
+    """By hand: 5 V at 10 ohm are 2.5 W, 5 K above the room at last; 0.1 A at most leaves 1 V; open, nothing flows."""
+    model = modules[4]["MODEL"]
+    assert PLANTS._problem("heater", model) == ""
+    heater = model.build("heater", 10_000_000, Truth({}, ()))
+    assert set(heater.ports) == {"supply"}
+    heater.command(given=5.0, limit=1.0)
+    heater.advance(200_000_000_000)
+    assert heater.observe("current") == pytest.approx(0.5)
+    assert heater.observe("plate") == pytest.approx(20.0 + 5.0 * (1.0 - math.exp(-1.0)))
+    heater.command(limit=0.1)
+    assert heater.observe("voltage") == pytest.approx(1.0)
+    heater.command(contact=False)
+    assert (heater.observe("voltage"), heater.observe("current")) == (5.0, 0.0)
+    heater.command(contact=True)
+    assert heater.observe("closings") == 1.0
 
 
 def test_the_page_names_the_entry_points_of_its_parts():

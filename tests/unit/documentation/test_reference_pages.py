@@ -92,6 +92,20 @@ def test_every_driver_plant_and_fault_is_on_the_page():
     assert sorted(name for name in names if f"`{name}`" not in BENCH_FILE and f'`"{name}"`' not in BENCH_FILE) == []
 
 
+def test_the_tables_have_every_driver_and_plant_model():
+    """Each driver has its row with the role, and the key `model` of a plant names each model."""
+    rows = {row.split("`")[1] for row in BENCH_FILE.partition("## Drivers")[2].splitlines() if row.startswith("| `")}
+    assert sorted({*DRIVERS} - rows) == []
+    (models,) = re.findall(r"^\| `model` \| yes \| (.*) \|$", BENCH_FILE, re.MULTILINE)
+    assert sorted(re.findall(r"`([\w-]+)`", models)) == sorted(PLANTS)
+
+
+def test_the_row_of_roles_has_every_role():
+    """The first table of the page about cases names each role."""
+    (row,) = re.findall(r"^\| (.*) \| the \[roles\]", CASE_API, re.MULTILINE)
+    assert sorted(re.findall(r"`(\w+)`", row)) == sorted(ROLES)
+
+
 def test_the_page_says_which_quantities_each_role_has():
     """The table of roles is that of the roles, with what can be read."""
     table = BENCH_FILE.partition("### Quantities of roles")[2].partition("### ")[0]

@@ -4,7 +4,7 @@ from typed_events import events_of
 from hil.evidence.events import Step
 from hil.evidence.package.contents import Package
 from hil.report.material import Material, demands, requirement_entries
-from hil.report.procedure import procedure_lines
+from hil.report.procedure import _asked, procedure_lines
 
 DRIVE = {"case": "a", "step": "1", "name": "supply.coil.set", "effect": "drives", "result": None}
 
@@ -138,3 +138,10 @@ def test_a_procedure_names_what_no_case_verifies():
     lines = procedure_lines(events_of(planned(drive(1))), entries)
     assert "no case        A-010" in lines
     assert "other methods  A-020 (review), A-030 (withdrawn)" in lines
+
+
+def test_requirements_of_one_line_stand_close():
+    """An empty line is before the first, and around one of several lines, so that a list of short ones is short."""
+    one, two = ["A  x ≥ 1, simple"], ["B  x ≥ 1, simple", "   y ≥ 1, simple"]
+    assert list(_asked([one, one, two, one])) == ["", *one, *one, "", *two, "", *one]
+    assert list(_asked([])) == []
