@@ -15,6 +15,7 @@ from hil.executive.cases.facade import RoleSet
 from hil.executive.cases.recording import data_checks
 from hil.executive.ending.stop import Stopped
 from hil.model.errors import Misused, NoReply
+from hil.model.figure import Figure
 from hil.requirements.decision import judge
 from hil.requirements.requirement import Records
 
@@ -28,6 +29,17 @@ def test_sample_k_is_taken_at_k_over_rate(tmp_path):
     assert taken.time == pytest.approx(expected, abs=1e-9)
     assert list(taken["x"]) == list(range(8))
     assert (len(taken), taken.rate, taken.unit("x")) == (8, 8.0, "uT")
+
+
+def test_a_channel_keeps_the_unit_that_it_was_recorded_in(tmp_path):
+    """A figure of its samples, of a part, and of its uncertainty refuses another unit until they are converted."""
+    case = Case(tmp_path)
+    taken = case.run.record("field", case.field, duration=1.0, rate=10.0)
+    for value in (taken["x"].mean(), taken["x"][2:].max() - 1.0, taken.part(0, 5)["x"][0], taken.uncertainty("x")):
+        assert Figure(value=value, unit="µT").value == value
+        assert Figure(value=value * 1e-3, unit="mT").unit == "mT"
+        with pytest.raises(Misused, match=r"^the values are in uT as recorded, not in mT; state uT; to convert them"):
+            Figure(value=value, unit="mT")
 
 
 def test_a_recording_tells_its_beginning_its_end_and_its_hash(tmp_path):
