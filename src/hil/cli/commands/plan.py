@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shutil
+import sys
 from pathlib import Path
 
 import click
@@ -37,6 +39,7 @@ def command(
     pin()
     from hil.executive.setup.configuration import Request  # noqa: PLC0415 - after the pins
     from hil.plugin.rehearsing import procedure  # noqa: PLC0415 - after the pins
+    from hil.report.tables import fitting  # noqa: PLC0415 - after the pins
 
     request = Request(
         start=Path.cwd(),
@@ -49,6 +52,7 @@ def command(
         overrides=overrides_of(overrides),
         answers=answers.resolve() if answers else None,
     )
-    for line in procedure(request):
+    columns = shutil.get_terminal_size().columns if sys.stdout.isatty() else 0
+    for line in fitting(procedure(request), columns):
         click.echo(line)
     return 0
