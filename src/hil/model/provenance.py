@@ -323,7 +323,8 @@ def provenance_of(*things: object) -> Provenance | None:
 
 def provenances_in(*things: object) -> tuple[Provenance, ...]:
     """Return every provenance that lies in these things, each once."""
-    return tuple(dict.fromkeys(_found(things)))
+    objects = {id(each): each for each in _found(things)}  # the samples of a list share one, which is slow to hash
+    return tuple(dict.fromkeys(objects.values()))
 
 
 def _found(thing: object) -> Iterator[Provenance]:
