@@ -93,7 +93,7 @@ def test_polarity(board, operator, coil, field, record, check, step, iterations,
 
 
 @pytest.mark.requirement("ADCS-MTQ-040")
-@pytest.mark.max_duration(600)
+@pytest.mark.max_duration(1800)
 @pytest.mark.parametrize("board", BOARDS)
 def test_linearity(board, operator, coil, field, record, check, chart, step, iterations, parameters):
     """The field follows the current in a straight line."""
