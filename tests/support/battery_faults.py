@@ -79,7 +79,7 @@ def overshoots(volts: float) -> Act:
     """Return an act that lets the charger give so much more than it was told."""
 
     def act(world):
-        output = _supply(world)._outputs[1]
+        output = _supply(world)._channels[1]
         output._truth = replace(output._truth, output_voltage_offset=volts)
         output.apply()
         _supply(world)._protect()
@@ -89,4 +89,4 @@ def overshoots(volts: float) -> Act:
 
 def loses_its_output(world) -> None:
     """Switch the charger off without anybody having asked for it."""
-    _supply(world)._outputs[1].switch(on=False, now_ns=world.clock.now_ns())
+    _supply(world)._channels[1].switch(on=False, now_ns=world.clock.now_ns())

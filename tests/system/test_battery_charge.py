@@ -156,7 +156,7 @@ def test_without_a_rest_there_is_no_rest_voltage(tmp_path):
     ran = short_run(tmp_path, rest="0")
     (event,) = [event for event in bodies(ran.package, "check") if event["parameter"] == "rest_voltage_charged"]
     assert event["verdict"] == "INCONCLUSIVE"
-    assert event["reason"] == "there was no rest behind this half-cycle: the parameter 'rest' is 0 s"
+    assert event["reason"] == "there was no rest after this half-cycle: the parameter 'rest' is 0 s"
 
 
 def test_a_test_that_the_tester_ends_is_an_error(tmp_path):

@@ -22,8 +22,8 @@ RUNS = (
 MAGNETORQUER = {"ADCS-001", *(f"ADCS-MTQ-0{number}0" for number in range(1, 7))}
 POWER_BOARD = {"EPS-002", *(f"EPS-PWR-0{number}0" for number in range(1, 7))}
 NO_STAGE = "the requirement names no stage"
-OF_THIS_COPY = "the product "
-"""How a reason begins that tells of the copy of the product that is tested: it may have changes, or no commit."""
+OF_THIS_COPY = ("the product ", "Python executed hil-tests/sitecustomize.py")
+"""How reasons begin that tell of the tested copy of the product: it may have changes, its tests begin with a file."""
 
 
 def hil(folder, *arguments, codes=(0,)):

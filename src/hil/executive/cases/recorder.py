@@ -285,6 +285,7 @@ class Recorder(OfThisProcess):
             sample_ns=self._scheduler.monitoring.bus.sample_ns(source) or period_ns // 2,
             count=count,
             gap_ns=self._gaps_ns.get(facts.name),
+            required=facts.name in self._gaps_ns,
         )
 
     def _require_room(self, facts: events.Recording, sources: tuple[Facade, ...], pace: Pace) -> None:

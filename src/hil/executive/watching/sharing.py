@@ -31,6 +31,7 @@ class Pace:
         sample_ns: how long a sample takes.
         count: how many samples there are, None where the case ends the recording.
         gap_ns: the longest gap that a requirement allows, None if none does.
+        required: whether a requirement asks for it; one that nobody asks for gives way to every reading that is late.
     """
 
     name: str
@@ -38,6 +39,7 @@ class Pace:
     sample_ns: int
     count: int | None
     gap_ns: int | None
+    required: bool = True
 
     @property
     def pause_ns(self) -> int:
@@ -145,7 +147,7 @@ class Share:
 
     def admits(self, monitor: Monitor, now_ns: int) -> bool:
         """Return whether a limit may be read now, although the next sample will be late."""
-        if now_ns >= monitor.latest_ns or self.pace.pause_ns <= 0:
+        if now_ns >= monitor.latest_ns or self.pace.pause_ns <= 0 or not self.pace.required:
             return now_ns >= monitor.overdue_ns
         if monitor.doubtful and now_ns >= monitor.due_ns:
             return True
