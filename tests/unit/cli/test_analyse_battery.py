@@ -183,6 +183,7 @@ def test_a_time_of_the_clock_is_to_be_converted(tmp_path):
     assert "hh:mm:ss to one number" in caught.value.hint
 
 
+@pytest.mark.system
 def test_the_plot_is_the_same_bytes_twice(table, tmp_path):
     """Four parts drawn, without dates or random names."""
     for name in ("a.svg", "b.svg"):

@@ -76,13 +76,18 @@ def test_a_parameter_over_runs_is_a_table(capsys, workspace):
     assert "SN2" not in said(capsys, "trend", "rate_error", "--hardware")[1]
 
 
-def test_a_parameter_over_runs_is_csv_and_a_plot(capsys, workspace):
-    """Both tell the same values; negative limits stay numbers."""
+def test_a_parameter_over_runs_is_csv(capsys, workspace):
+    """It tells the same values; negative limits stay numbers."""
     rows = list(csv.DictReader(said(capsys, "trend", "rate_error", "--csv", "--of", "x")[1].splitlines()))
     assert [(row["dut"], row["value"], row["min"], row["source"]) for row in rows] == [
         *(("SN1", value, "-0.5", "hardware") for value in ("0.1", "0.2", "0.3")),
         ("SN2", "0.4", "-0.5", "simulated"),
     ]
+
+
+@pytest.mark.system
+def test_a_parameter_over_runs_is_drawn(capsys, workspace):
+    """The drawing library takes longer to load than all else here."""
     code, out, _ = said(capsys, "trend", "rate_error", "--dut", "SN1", "--plot", "trend.svg")
     assert (code, "SN2" in out) == (0, False)
     assert (workspace / "trend.svg").read_text().startswith("<?xml")
