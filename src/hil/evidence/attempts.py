@@ -108,11 +108,11 @@ def _given_up(void: Sequence[Event], happened: Sequence[Event], entry: Entry) ->
 def _rows(happened: Sequence[Event], void: Sequence[Event], entry: Entry) -> Iterable[tuple[str, str]]:
     """Give the recordings of cases that lost rows: begun before the point of entry, or after it."""
     begun = {event.recording: event for event in happened if isinstance(event, Recording) and event.case is not None}
-    anew = {event.recording for event in void if isinstance(event, Recording)}
+    retaken = {event.recording for event in void if isinstance(event, Recording)}
     parts: Mapping[str, int] = {part.recording: part.end - part.first for part in entry.rows}
-    for name in dict.fromkeys((*parts, *anew)):
+    for name in dict.fromkeys((*parts, *retaken)):
         recording = begun.get(name)
-        if recording is not None and recording.case is not None and (name in anew or parts[name] > 0):
+        if recording is not None and recording.case is not None and (name in retaken or parts[name] > 0):
             rows = parts.get(name)
             yield recording.case, f"recording {recording.name}{f', {rows} rows' if rows else ''}"
 

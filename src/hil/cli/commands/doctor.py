@@ -70,7 +70,7 @@ def _python(version: tuple[int, ...], optimize: int) -> Check:
         todo = "unset PYTHONOPTIMIZE, and start Python without -O"
         return Check(name="Python", ok=False, detail=f"{told} leaves assertions out", todo=todo)
     ok = version >= _PYTHON
-    todo = "" if ok else "make the environment anew with Python 3.11 or newer"
+    todo = "" if ok else "create the environment again with Python 3.11 or newer"
     return Check(name="Python", ok=ok, detail=f"{told} in {sys.prefix}", todo=todo)
 
 

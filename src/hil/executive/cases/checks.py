@@ -134,7 +134,9 @@ class Checks(OfThisProcess):
             behind = merged(getattr(value, "provenance", None), named)
             own = getattr(value, "provenance", None)
             unproven = (*_unproven(own), *getattr(value, "replaced", ()), *self._unreadable(own))
-            stands = _Behind(added, behind, unproven, one_line(_text(at, "at")), one_line(_text(headline, "headline")))
+            stands = _Standing(
+                added, behind, unproven, one_line(_text(at, "at")), one_line(_text(headline, "headline"))
+            )
             self._evaluate(requirement, limit, of, found, stands, doubts=_sentences(doubts))
         except (Misused, UnitError) as error:
             self.refused.append(error)
@@ -182,7 +184,7 @@ class Checks(OfThisProcess):
             provenance: of the recording.
             reason: why it is not met, where that says more than value and limit.
         """
-        self._evaluate(requirement.id, limit, None, value, _Behind(None, provenance, _unproven(provenance)), reason)
+        self._evaluate(requirement.id, limit, None, value, _Standing(None, provenance, _unproven(provenance)), reason)
 
     def _unreadable(self, provenance: Provenance | None) -> list[str]:
         """Return a sentence on numbers that took part and nobody can read: 100 divided by a reading is one."""
@@ -217,24 +219,24 @@ class Checks(OfThisProcess):
         limit: Limit,
         of: str | None,
         found: Figure | str,
-        behind: _Behind,
+        standing: _Standing,
         reason: str = "",
         doubts: tuple[str, ...] = (),
     ) -> None:
         """Judge what will be written down, to the digits that will be written down, so that anybody can judge again."""
-        judgement = judge(found if isinstance(found, str) else _written(found, limit, behind.added), limit)
+        judgement = judge(found if isinstance(found, str) else _written(found, limit, standing.added), limit)
         status = found.status.value if isinstance(found, Figure) else ""
         if judgement.verdict is Verdict.INCONCLUSIVE and _too_coarse(judgement, limit):
             judgement = replace(judgement, reason=self._placed(requirement, judgement.reason))
         if reason and not judgement.verdict.good:
             judgement = replace(judgement, reason=reason)
-        missing = behind.provenance.uncovered if behind.provenance else ()
-        doubts = tuple(dict.fromkeys((*doubts, *(behind.provenance.doubts if behind.provenance else ()))))
+        missing = standing.provenance.uncovered if standing.provenance else ()
+        doubts = tuple(dict.fromkeys((*doubts, *(standing.provenance.doubts if standing.provenance else ()))))
         if missing and limit.bounded and limit.decision is Decision.GUARDED:
             judgement = replace(judgement, verdict=Verdict.INCONCLUSIVE, reason="; ".join(missing))
         if doubts:
             judgement = replace(judgement, verdict=Verdict.INCONCLUSIVE, reason="; ".join(doubts))
-        self._note(requirement, limit, of, judgement, status, doubts, behind)
+        self._note(requirement, limit, of, judgement, status, doubts, standing)
 
     def _placed(self, requirement: str, reason: str) -> str:
         """Return a reason with where the requirement stands that asks for so much."""
@@ -249,9 +251,9 @@ class Checks(OfThisProcess):
         judgement: Judgement,
         status: str,
         doubts: tuple[str, ...],
-        behind: _Behind,
+        standing: _Standing,
     ) -> None:
-        provenance = behind.provenance or Provenance()
+        provenance = standing.provenance or Provenance()
         verdict = judgement.verdict
         if verdict is Verdict.PASS and self._requirements[requirement].kind is Kind.RECORD:
             verdict = Verdict.RECORDED
@@ -277,10 +279,10 @@ class Checks(OfThisProcess):
             reason=judgement.reason,
             instruments=provenance.instruments,
             provenance=provenance.told,
-            unproven=behind.unproven,
+            unproven=standing.unproven,
             uncovered=provenance.uncovered,
-            at=behind.at,
-            headline=behind.headline,
+            at=standing.at,
+            headline=standing.headline,
         )
         self._journal.write(check)
         self._evaluated.append(
@@ -308,7 +310,7 @@ def _sentences(doubts: object) -> tuple[str, ...]:
 
 
 @dataclass(frozen=True, slots=True)
-class _Behind:
+class _Standing:
     """What stands behind a value: an instrument's uncertainty, provenance, why it proves nothing, and conditions."""
 
     added: float | None

@@ -92,7 +92,7 @@ class _Input(Stateful):
         self.become(kind, 0.0)
 
     def become(self, kind: str, end: float) -> None:
-        """Be set up anew."""
+        """Be set up from the start."""
         self.kind, self.end, self.cycles, self.delay_s = kind, end, 1.0, _USUAL_DELAY_S
         self.checked, self.unit = False, "C"
 
