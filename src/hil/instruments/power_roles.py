@@ -6,6 +6,7 @@ from typing import Annotated, Protocol
 
 from hil.instruments.marks import drives, reads
 from hil.instruments.role import Role
+from hil.instruments.roles import Switched
 from hil.instruments.sampled import Sampled
 from hil.model.figure import Figure
 
@@ -53,7 +54,7 @@ class Thermometer(Sampled, Protocol):
         ...
 
 
-class ElectronicLoad(Protocol):
+class ElectronicLoad(Switched, Protocol):
     """The input of an electronic load: it takes a current from whatever it is connected to.
 
     A mode can be chosen only if the bench file clamps its quantity, so that a slip in a case cannot ask for more.
@@ -77,21 +78,6 @@ class ElectronicLoad(Protocol):
     @drives
     def constant_voltage(self, voltage: Annotated[float, "V"]) -> None:
         """Take as much current as brings the voltage down to this one [V]; mode and level are read back."""
-        ...
-
-    @drives
-    def enable(self) -> None:
-        """Switch the input on; it is read back."""
-        ...
-
-    @drives
-    def disable(self) -> None:
-        """Switch the input off; it is read back."""
-        ...
-
-    @reads
-    def enabled(self) -> bool:
-        """Return whether the instrument says that the input is on."""
         ...
 
     @reads

@@ -29,32 +29,37 @@ __all__ = [
     "RotationTable",
     "SafeByBytes",
     "Supply",
+    "Switched",
     "Thermal",
     "Watched",
 ]
 
 
-class Supply(Protocol):
+class Switched(Protocol):
+    """The output or the input of an instrument, which is on or off."""
+
+    @drives
+    def enable(self) -> None:
+        """Switch it on; it is read back."""
+        ...
+
+    @drives
+    def disable(self) -> None:
+        """Switch it off; it is read back."""
+        ...
+
+    @reads
+    def enabled(self) -> bool:
+        """Return whether the instrument says that it is on."""
+        ...
+
+
+class Supply(Switched, Protocol):
     """One output of a power supply. Volts and amperes."""
 
     @drives
     def configure(self, voltage: Annotated[float, "V"], current: Annotated[float, "A"]) -> None:
         """Set the voltage [V] and the current limit [A]; both are read back."""
-        ...
-
-    @drives
-    def enable(self) -> None:
-        """Switch the output on; it is read back."""
-        ...
-
-    @drives
-    def disable(self) -> None:
-        """Switch the output off; it is read back."""
-        ...
-
-    @reads
-    def enabled(self) -> bool:
-        """Return whether the instrument says that the output is on."""
         ...
 
     @reads

@@ -6,6 +6,7 @@ from typing import Annotated, Protocol
 
 from hil.instruments.marks import begins, drives, reads
 from hil.instruments.role import Role
+from hil.instruments.roles import Switched
 from hil.instruments.sampled import Captured, Streamed
 from hil.model.figure import Figure
 
@@ -75,7 +76,7 @@ class Oscilloscope(Captured, Protocol):
         ...
 
 
-class FunctionGenerator(Protocol):
+class FunctionGenerator(Switched, Protocol):
     """One output of a function generator, into a high impedance."""
 
     @drives
@@ -87,21 +88,6 @@ class FunctionGenerator(Protocol):
         offset: Annotated[float, "V"] = 0.0,
     ) -> None:
         """Set `sine`, `square`, `ramp` or `dc`, frequency [Hz], peak-to-peak amplitude [V] and offset [V]."""
-        ...
-
-    @drives
-    def enable(self) -> None:
-        """Switch the output on; it is read back."""
-        ...
-
-    @drives
-    def disable(self) -> None:
-        """Switch the output off; it is read back."""
-        ...
-
-    @reads
-    def enabled(self) -> bool:
-        """Return whether the instrument says that the output is on."""
         ...
 
     @reads
