@@ -25,7 +25,7 @@ LATENCIES_S = [(0.04, 0.04), (0.15, 0.15), (0.45, 0.45), (0.002, 0.45)]
 TIMEOUT = "900 ms"
 """What the bench file says of each instrument: the line's time, the instrument's own, and that of a busy machine."""
 
-SAFE_S = 4.0
+SAFE_S = 2.0
 """Within which every output is off: nothing that is sent waits for a reply, and a busy machine has its time."""
 
 STAYS_S = 5.0

@@ -115,6 +115,7 @@ def _energised(visit: _Visit, flags: StopFlags, alarm: Alarm, tell: Told) -> Che
             refusal = armed.arm(FIRST_ARMING, course, lambda gate, _: tell(gate))
         finally:
             if armed.touched:
+                armed.switch_off()
                 course.come()  # what people or the guardian's drill took of time is not the safe-off's
                 left += armed.make_safe(lambda _: None)
             left += armed.let_go()

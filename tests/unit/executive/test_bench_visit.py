@@ -96,6 +96,9 @@ def test_time_that_passed_before_a_stop_is_not_that_of_the_safe_off(tmp_path, mo
             del freshness
             raise Stopped("SIGINT")
 
+        def switch_off(self):
+            course.append("switched off")
+
     def safe(armed, tell):
         course.append("made safe")
         return make_safe_of(armed, tell)
@@ -105,7 +108,7 @@ def test_time_that_passed_before_a_stop_is_not_that_of_the_safe_off(tmp_path, mo
     monkeypatch.setattr("hil.executive.bench_visit.ArmedBench.make_safe", safe)
     checked, _ = energised(tmp_path, lambda _: None)
     assert (checked.ready, checked.safe) == (False, True)
-    assert course == ["caught up", "made safe"]
+    assert course == ["switched off", "caught up", "made safe"]
 
 
 def test_a_check_that_fails_amid_a_trial_leaves_the_bench_safe(tmp_path, bench):

@@ -5,11 +5,13 @@ from __future__ import annotations
 from types import SimpleNamespace
 
 import pytest
+from guarded import Instrument, output_of, plan_of
 
 from hil.executive.ending.stop import StopFlags
 from hil.executive.watching import machine as guarding
 from hil.executive.watching.machine import Guarding
 from hil.model.bench import BenchHead
+from hil.model.errors import Refused
 
 
 class Watchful:
@@ -125,3 +127,24 @@ def test_an_arming_may_take_long_as_long_as_its_gates_pass(tmp_path, monkeypatch
     freshness.fresh_until_ns = 2800 * 10**9
     guard.passed()
     assert good_for() == 9.0
+
+
+def test_all_is_switched_off_with_what_the_guardian_would_send(tmp_path, monkeypatch):
+    """The guardian hears of the run meanwhile; where the bytes are not known the drivers are left to it."""
+    psu, beats = Instrument(2), []
+    spec = SimpleNamespace(safe_off=(), rest=(), hold=(), wiring=())
+    plan = plan_of(tmp_path, output_of("one", "psu"), output_of("two", "psu", 2))
+    bench = SimpleNamespace(spec=SimpleNamespace(**vars(spec), head=BenchHead(name="b", title="B")))
+    bench.descriptors = {"psu": psu.near}
+    guard = Guarding(bench, SimpleNamespace(), StopFlags(), folder=tmp_path, leases=["psu"], locks=[])
+    monkeypatch.setattr(guard, "pulse", lambda: beats.append("beat"))
+    monkeypatch.setattr(guarding, "plan_of", lambda *_: plan)
+    guard.switch_off()
+    assert (psu.on, bool(beats)) == (set(), True)
+    psu.close()
+
+    def refused(*_):
+        raise Refused("no bytes for two")
+
+    monkeypatch.setattr(guarding, "plan_of", refused)
+    guard.switch_off()

@@ -203,6 +203,31 @@ def test_what_the_guardian_proves_after_a_loss_is_safe():
     assert not written.of("host-gate")
 
 
+def test_all_is_switched_off_before_anything_is_proven():
+    """At the end, and after a stop already where the bench would come to rest; never on a bench that was not armed."""
+    order: list[str] = []
+
+    class Slow(NoMachine):
+        """A machine whose instruments reply late."""
+
+        def switch_off(self):
+            """Switch off."""
+            order.append("switched off")
+
+    keeper, flags, _ = kept(Slow())
+    keeper._bench.roles["supply.coil"] = SimpleNamespace(disable=lambda: order.append("proven"))
+    keeper.safe()
+    assert order == ["proven"]
+    keeper._armed.touched = True
+    keeper.rest()
+    assert order[1:] == ["proven"]
+    keeper.safe()
+    assert order[2:] == ["switched off", "proven"]
+    flags.request("SIGINT")
+    keeper.rest()
+    assert order[4:] == ["switched off", "proven"]
+
+
 @pytest.mark.parametrize(("dut", "what"), [(False, "port"), (True, "")])
 def test_whose_port_hung_up(dut, what):
     """That of an instrument is a loss, that of the device under test its end."""

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import os
+import select
+import threading
 import time
 from contextlib import ExitStack
 
 import pytest
-from guarded import Instrument, code, lines_of, output_of, plan_of
+from guarded import DistantInstrument, Instrument, code, lines_of, output_of, plan_of
 
 from hil.guardian.incident import IncidentLog
-from hil.guardian.ports.outputs import Outputs
+from hil.guardian.ports.outputs import Outputs, switch_off
 from hil.guardian.ports.worker import Outcome, PortWorker
 from hil.guardian.response import Response, state_of
 from hil.model.safing import Exchange, GuardedOutput, GuardedPort, SafeBytes
@@ -110,6 +112,41 @@ def test_a_line_is_brought_in_step_once_a_round(tmp_path, stack):
     outputs.round()
     assert len(psu.said(b"SYNC")) == 2
     assert code().resync
+
+
+def test_no_output_waits_for_the_replies_of_another(tmp_path, stack):
+    """Four outputs on two slow lines are switched off in less time than two replies take, and no reply is left over."""
+    one, two = DistantInstrument(2), DistantInstrument(2)
+    for each in (one, two):
+        each.latency_s = 0.3
+        stack.callback(each.close)
+    names = ("a", "one", 1), ("b", "two", 1), ("c", "one", 2), ("d", "two", 2)
+    plan = plan_of(tmp_path, *[output_of(*name, reply_s=0.35) for name in names])
+    before, looks = threading.active_count(), []
+    switch_off(plan, {"one": one.near, "two": two.near}, lambda: looks.append(time.monotonic()))
+    assert (one.on, two.on) == (set(), set())
+    times = [at for each in (one, two) for at, said in each.heard if said.startswith(b"OFF")]
+    assert len(times) == 4
+    assert max(times) - min(times) < 0.6
+    assert len(looks) > 5
+    for each in (one, two):
+        assert select.select([each.near], [], [], 0.0)[0] == []
+        os.write(each.near, b"WHO?\n")
+        assert os.read(each.near, 100) == b"i am psu 1\n"
+    assert threading.active_count() == before
+
+
+def test_a_port_that_is_gone_keeps_no_other_one_on(tmp_path, stack):
+    """Who drives the bench is told, and goes on."""
+    pulled, relay = Instrument(), Instrument()
+    stack.callback(relay.close)
+    plan = plan_of(tmp_path, output_of("one", "psu"), output_of("relay", "board"))
+    gone = os.dup(pulled.near)
+    stack.callback(os.close, gone)
+    pulled.close()
+    done = switch_off(plan, {"psu": gone, "board": relay.near})
+    assert (done["one"].ok, done["relay"].ok) == (False, True)
+    assert relay.on == set()
 
 
 def test_another_device_under_the_name_of_one_that_is_gone_gets_no_byte(tmp_path, stack):

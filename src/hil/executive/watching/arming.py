@@ -126,6 +126,12 @@ class ArmedBench:
             if distress := course.timeline.distress():
                 yield _unattended(distress), False, True
 
+    def switch_off(self) -> None:
+        """Send every output its command to be safe, whatever is asked meanwhile; each is proven by `make_safe`."""
+        if self.touched:
+            with self._flags.shielded():
+                self._machine.switch_off()
+
     def make_safe(self, tell: Callable[[SafeResult], None]) -> list[str]:
         """Take every line of the safe-off, whatever is asked meanwhile; return what is not proven safe."""
         with self._flags.shielded():

@@ -162,6 +162,8 @@ class BenchKeeper:
             return ""
         faults: list[DeviceFault] = []
         with self._flags.shielded():
+            if self._flags.reason:  # no case follows, and the safe-off does; nobody waits for a proof of rest first
+                self._armed.switch_off()
             problems = left_on(self._bench.spec.rest, self._bench, self._taken(events.Rest), faults.append)
         for fault in faults if problems else ():
             with suppress(Stopped):  # the next case is not begun
@@ -173,6 +175,7 @@ class BenchKeeper:
     def safe(self) -> None:
         """Make the bench safe and prove it, uninterrupted; it may be called again."""
         with self._flags.shielded():
+            self._armed.switch_off()
             self.scheduler.rest()
             self.scheduler.come()  # what a person or a case took of time is not the safe-off's
             problems = self._armed.make_safe(self._taken(events.Safe))

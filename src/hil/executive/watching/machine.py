@@ -25,6 +25,7 @@ from hil.executive.watching.ports import Distress, Freshness, Tenant
 from hil.guardian.channel import DrillResult
 from hil.guardian.client import Guardian
 from hil.guardian.latch import Latch
+from hil.guardian.ports.outputs import switch_off
 from hil.model.bench import BenchSpec
 from hil.model.errors import HilError, Refused
 from hil.model.identity import Source
@@ -130,6 +131,15 @@ class Guarding:
         """Give the next gate of the arming its time: nothing else says yet how long the bench is known to be well."""
         if self._armed_by and self._freshness is not None and self._freshness.fresh_until_ns is None:
             self._until = min(_boot_s() + self._gate_s, self._armed_by)
+
+    def switch_off(self) -> None:
+        """Send every output's command to be safe, as the guardian would: no slow instrument delays another.
+
+        What cannot be sent so is left to the drivers, whose turn is next. See `hil.guardian.ports.outputs.switch_off`.
+        """
+        with suppress(HilError, OSError):
+            plan = plan_of(self._bench, self._folder, self._leases)
+            switch_off(plan, self._bench.descriptors, self.pulse)
 
     def pulse(self) -> None:
         """Tell the guardian that the run lives, and up to when what it knows of the bench is good; often is cheap."""
@@ -316,6 +326,10 @@ class LiveMachine:
             names[descriptor] = name
             looked.register(descriptor, select.POLLRDHUP)
         return [names[descriptor] for descriptor, _ in looked.poll(0)]
+
+    def switch_off(self) -> None:
+        """Switch every output off before anything is proven. See `Guarding.switch_off`."""
+        self._guarding.switch_off()
 
     @property
     def proven(self) -> bool:

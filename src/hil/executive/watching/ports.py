@@ -147,6 +147,10 @@ class Machine(Protocol):
         """Return why the bench cannot be driven any more, None while it can."""
         ...
 
+    def switch_off(self) -> None:
+        """Send every output's command to be safe, before anything is waited for; prove nothing."""
+        ...
+
     @property
     def proven(self) -> bool:
         """Whether the guardian has proven safe, and latched, what the run could not."""
@@ -204,6 +208,9 @@ class NoMachine:
 
     def distress(self) -> None:
         """Return that the bench can be driven."""
+
+    def switch_off(self) -> None:
+        """Do nothing: no reply is late here."""
 
     def end(self, *, proven: bool) -> list[str]:
         """Return that nothing is unsafe."""

@@ -83,6 +83,12 @@ class Dialogue:
                 return wrong
         return ""
 
+    def settle(self, code: SafeBytes) -> str:
+        """Wait until nothing is owed any more, and forget what came; return why nobody can tell, if so."""
+        wrong = self._settled(code)
+        self._forget()
+        return wrong
+
     def told(self, question: Exchange) -> bytes:
         """Ask a question and return what the groups of its reply hold, or all of it; empty if none came as expected."""
         if self.make(question, Patience()):

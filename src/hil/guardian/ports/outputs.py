@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable, Collection, Mapping
-from concurrent.futures import CancelledError, Future
+from concurrent.futures import CancelledError, Future, ThreadPoolExecutor, wait
 
 from hil.guardian.channel import DrillResult
 from hil.guardian.plan_codec import seconds_of
@@ -12,12 +13,13 @@ from hil.guardian.ports.dialogue import Patience
 from hil.guardian.ports.worker import Outcome, PortWorker
 from hil.model.safing import GuardedOutput, GuardPlan, SafeBytes
 
-__all__ = ["Outputs"]
+__all__ = ["Outputs", "switch_off"]
 
 _HURRY_S = 0.25
 _MARGIN_S = 0.05
 _OPENING_S = 1.0
 _LOOK_S = 0.005
+_WAIT_S = 0.05
 _AGAIN_S = 0.3
 _PATIENT_S = 1.0
 _STILL_BUSY = Outcome(ok=False, detail="its port blocks", silent=True)
@@ -84,6 +86,13 @@ class Outputs:
             self._workers[device].begin(code, patience[device], reopen=False)
         return self._off_in_order(patience)
 
+    def settle(self) -> None:
+        """Wait until no reply to anything that was sent can be on its way any more, on all ports together."""
+        asked = [self._workers[device].settle(code) for device, code in self._codes.items()]
+        until = time.monotonic() + self._longest_s()
+        for future in asked:
+            _result(future, until)
+
     def round(self) -> dict[str, Outcome]:
         """Send everything again and prove it, with the full time of each exchange; return the proofs.
 
@@ -148,6 +157,40 @@ class Outputs:
             self._look()
             _result(future, time.monotonic() + _LOOK_S)
         return _result(future, 0.0)
+
+
+def switch_off(
+    plan: GuardPlan, descriptors: Mapping[str, int], look: Callable[[], object] = lambda: None
+) -> dict[str, Outcome]:
+    """Switch every output off as the guardian first does, in the process that drives the bench; prove nothing.
+
+    No command waits for another one's reply for more than a moment, however slow the instruments have become. The lines
+    are left in step, with no reply on its way, so that a driver can go on. Nothing else may use the ports meanwhile.
+
+    Args:
+        plan: the guardian's plan.
+        descriptors: open descriptors of its ports, by device; they stay open.
+        look: called about twenty times a second.
+    """
+    with ThreadPoolExecutor(max_workers=1, thread_name_prefix="off") as thread:
+        future = thread.submit(_switched_off, plan, descriptors)
+        while not future.done():
+            look()
+            wait([future], _WAIT_S)
+        return future.result()
+
+
+def _switched_off(plan: GuardPlan, descriptors: Mapping[str, int]) -> dict[str, Outcome]:
+    ports = [port for port in plan.ports if port.device in descriptors]
+    workers = {port.device: PortWorker(port, os.dup(descriptors[port.device])) for port in ports}
+    try:
+        outputs = Outputs(plan, workers, lambda: None)
+        done = outputs.first_pass()
+        outputs.settle()
+    finally:
+        for worker in workers.values():
+            worker.close()
+    return done
 
 
 def _result(future: Future[Outcome], until: float) -> Outcome:

@@ -79,6 +79,18 @@ class PortWorker:
         """Ask whether the output is safe."""
         return self._ask(lambda: self._there().prove(code))
 
+    def settle(self, code: SafeBytes) -> Future[Outcome]:
+        """Wait until no reply can be on its way any more, and forget what came."""
+        return self._ask(lambda: self._there().settle(code))
+
+    def close(self) -> None:
+        """End the present wait and the thread, and close the descriptor."""
+        self._interrupt.set()
+        self._thread.shutdown(cancel_futures=True)
+        if self._talk is not None:
+            self._talk.line.close()
+            self._talk = None
+
     def recognise(self, code: SafeBytes) -> Future[Outcome]:
         """Keep who the instrument says that it is, once it is proven safe, so that no other one is taken for it."""
         return self._ask(lambda: self._recognise(code))
