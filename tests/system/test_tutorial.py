@@ -39,6 +39,13 @@ def test_a_power_board_is_accepted_as_told(tmp_path):
 
 
 @pytest.mark.system
+@pytest.mark.timeout(300)
+def test_a_heater_is_tested_as_told(tmp_path):
+    """In an empty folder: a heater that passes, one whose foil came loose, and one whose thermostat never opens."""
+    assert follow(steps_of(DOCS / "how-to" / "test-a-heater.md"), tmp_path) == ""
+
+
+@pytest.mark.system
 @pytest.mark.timeout(600)
 def test_a_workspace_is_started_as_told(tmp_path):
     """In an empty folder, the commands of the guide make a workspace whose plan passes."""
