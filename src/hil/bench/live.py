@@ -17,7 +17,8 @@ from hil.clock.live import LiveClock
 from hil.model.bench import BenchSpec
 from hil.model.errors import HilError, Refused
 from hil.model.identity import Source
-from hil.wire.exchange import Brake, Braked, Unreachable, publish_bus, publish_stream
+from hil.model.serial_line import SerialLine
+from hil.wire.exchange import Brake, Braked, FarEnd, Unreachable, publish_bus, publish_stream
 from hil.wire.keys import keys_of, keys_of_served
 from hil.wire.opening import MESSAGES, PortKind, hardware_bus, kind_of
 from hil.wire.replay import Playback
@@ -160,9 +161,6 @@ def bind_live_again(
 
 
 def _open(spec: BenchSpec, reach: Reach, brake: Brake, *, by_force: bool = False) -> dict[str, Any]:
-    from hil.wire.line_stream import LineStream, port_of  # noqa: PLC0415 - same
-    from hil.wire.live_stream import LiveStream  # noqa: PLC0415 - what it imports exists on Linux only
-
     strangers = _strangers(spec) if reach.source is Source.HARDWARE else {}
     if not by_force:
         require_boards(spec, reach)
@@ -182,10 +180,7 @@ def _open(spec: BenchSpec, reach: Reach, brake: Brake, *, by_force: bool = False
         for name, url in reach.ports.items():
             item = spec.instrument(name)
             line = item.serial_line if reach.source is Source.HARDWARE else None  # a pseudo-terminal has no such thing
-            if kind_of(url) in {PortKind.RFC2217, *MESSAGES}:
-                opened = end(name, partial(LineStream, port_of(name, url, item.baud, line)))
-            else:
-                opened = end(name, partial(LiveStream, name, url, item.baud, line, alone=not by_force))
+            opened = end(name, partial(_stream, name, url, item.baud, line, alone=not by_force))
             ends[name] = opened if isinstance(opened, Unreachable) else Braked(opened, brake)
         for name, path in reach.buses.items():
             ends[name] = end(name, partial(hardware_bus, name, path))
@@ -193,6 +188,18 @@ def _open(spec: BenchSpec, reach: Reach, brake: Brake, *, by_force: bool = False
         _close(ends)
         raise
     return ends
+
+
+def _stream(name: str, url: str, baud: int, line: SerialLine | None, *, alone: bool) -> FarEnd:
+    from hil.wire.line_stream import LineStream, port_of  # noqa: PLC0415 - same
+    from hil.wire.live_stream import LiveStream  # noqa: PLC0415 - what it imports exists on Linux only
+    from hil.wire.visa import VisaStream  # noqa: PLC0415 - same
+
+    if kind_of(url) is PortKind.VISA:
+        return VisaStream(name, url, baud)
+    if kind_of(url) in {PortKind.RFC2217, *MESSAGES}:
+        return LineStream(port_of(name, url, baud, line))
+    return LiveStream(name, url, baud, line, alone=alone)
 
 
 def require_boards(spec: BenchSpec, reach: Reach) -> None:

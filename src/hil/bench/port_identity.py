@@ -16,7 +16,7 @@ from hil.model.bench import BenchSpec, InstrumentSpec, OnboardPort, UsbPort
 from hil.model.errors import Refused
 from hil.model.identity import Identity, Source
 from hil.wire.keys import LOOPBACK, SERVED, keys_of
-from hil.wire.opening import MESSAGES, PortKind, kind_of, url_of_resource
+from hil.wire.opening import MESSAGES, PortKind, bare, kind_of, url_of_resource
 
 __all__ = [
     "ListedPort",
@@ -66,7 +66,7 @@ def listed_ports() -> list[ListedPort]:
 
 def is_serial_device(instrument: InstrumentSpec) -> bool:
     """Return whether an instrument is at a serial device of this computer, which may be another one after a replug."""
-    return bool(instrument.port) and kind_of(instrument.port) is PortKind.SERIAL
+    return bool(instrument.port) and kind_of(bare(instrument.port)) is PortKind.SERIAL
 
 
 _PSEUDO = "/dev/pts/"

@@ -67,6 +67,8 @@ class GuardedPort:
         baud: of a serial device.
         line: how a serial device is set.
         speaks: what its bytes are wrapped in: Telnet at `rfc2217://`, or one of three ways to carry messages.
+        apart: whether the descriptor that is passed carries no byte of it, because a library of others has opened the
+            port for the run. The guardian opens it by itself then, beside the run.
     """
 
     device: str
@@ -74,6 +76,7 @@ class GuardedPort:
     baud: int = 0
     line: SerialLine = field(default_factory=SerialLine)
     speaks: Literal["", "telnet", "usbtmc", "hislip", "vxi11"] = ""
+    apart: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -17,7 +17,7 @@ from pathlib import Path
 from threading import Thread
 
 from hil.wire.held_names import hold_name, names_held, short
-from hil.wire.opening import NETWORK, VISA_LAN, VISA_USB, url_of_resource
+from hil.wire.opening import NETWORK, VISA_LAN, VISA_USB, bare, url_of_resource
 
 __all__ = ["LOOPBACK", "SERVED", "announce_served", "keys_of", "keys_of_served", "keys_of_this_port"]
 
@@ -49,20 +49,20 @@ def keys_of(
         real_path: follows links.
         system: where the kernel lists its devices.
     """
-    url = url_of_resource(port)
+    name, url = bare(port), url_of_resource(port)
     scheme, is_url, place = url.partition("://")
     if is_url and scheme.lower() in NETWORK:
         host, _, number = re.split(r"[/?#]", place)[0].rpartition(":")
         found = _network(host, [str(int(number))] if number.isdecimal() else [], resolve or _addresses)
-    elif match := VISA_USB.match(port):
+    elif match := VISA_USB.match(name):
         found = iter([_usb(match["vendor"], match["product"], match["serial"], int(match["interface"] or 0))])
-    elif (match := VISA_LAN.match(port)) and _ONE_OF_ITS_HOST.fullmatch(match["name"] or ""):
+    elif (match := VISA_LAN.match(name)) and _ONE_OF_ITS_HOST.fullmatch(match["name"] or ""):
         # Behind VXI-11 and HiSLIP is the same instrument as at its sockets.
         found = _network(match["host"], _SCPI_PORTS, resolve or _addresses)
     elif match:
         found = _network(match["host"], [match["name"].lower()], resolve or _addresses)
-    elif "::" in port and not is_url:
-        found = iter([port.upper()])
+    elif "::" in url and not is_url:
+        found = iter([url.upper()])
     elif is_url:
         found = iter([])
     else:

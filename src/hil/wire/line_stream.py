@@ -14,7 +14,7 @@ from hil.model.errors import NoReply
 from hil.model.safing import GuardedPort
 from hil.model.serial_line import SerialLine
 from hil.wire.obstacles import obstacle
-from hil.wire.opening import VISA_LAN, VISA_USB, PortKind, kind_of, url_of_resource
+from hil.wire.opening import VISA_LAN, VISA_USB, PortKind, bare, kind_of, url_of_resource
 from hil.wire.tap import LONGEST_TRANSACTION
 
 __all__ = ["LineStream", "port_of"]
@@ -112,17 +112,18 @@ def port_of(device: str, port: str, baud: int = 0, line: SerialLine | None = Non
 
     Args:
         device: the instrument's name.
-        port: a path, a URL, or a VISA resource name.
+        port: a path, a URL, or a VISA resource name; one that PyVISA opens has a session that nobody else can use.
         baud: of a serial line.
         line: how a serial line is set.
     """
-    speaks, url = _SPEAKS[kind_of(port)], url_of_resource(port)
-    if match := VISA_USB.match(port):
+    name = bare(port)
+    speaks, url = _SPEAKS[kind_of(name)], url_of_resource(port)
+    if match := VISA_USB.match(name):
         url = f"usbtmc://{match['vendor']}:{match['product']}:{match['serial']}"
-    elif match := VISA_LAN.match(port):
-        name, _, number = (match["name"] or "inst0").partition("," if speaks == "hislip" else "\0")
-        url = f"{speaks}://{match['host']}{f':{number}' if number else ''}/{name}"
-    return GuardedPort(device=device, url=url, baud=baud, line=line or SerialLine(), speaks=speaks)
+    elif match := VISA_LAN.match(name):
+        there, _, number = (match["name"] or "inst0").partition("," if speaks == "hislip" else "\0")
+        url = f"{speaks}://{match['host']}{f':{number}' if number else ''}/{there}"
+    return GuardedPort(device=device, url=url, baud=baud, line=line or SerialLine(), speaks=speaks, apart=name != port)
 
 
 def _alive(operation: Callable[[], _Result]) -> _Result:

@@ -23,6 +23,7 @@ __all__ = [
     "VISA_LAN",
     "VISA_USB",
     "PortKind",
+    "bare",
     "hardware_bus",
     "kind_of",
     "open_bus",
@@ -57,11 +58,23 @@ class PortKind(StrEnum):
     USBTMC = "usbtmc"
     VXI11 = "vxi-11"
     HISLIP = "hislip"
+    VISA = "visa"
     OTHER = "other"
 
 
-MESSAGES = (PortKind.USBTMC, PortKind.HISLIP, PortKind.VXI11)
+MESSAGES = (PortKind.USBTMC, PortKind.HISLIP, PortKind.VXI11, PortKind.VISA)
 """Kinds of ports that carry whole messages, as SCPI instruments take them."""
+
+_BY_VISA = "visa:"
+
+
+def bare(port: str) -> str:
+    """Return a port without the `visa:` that lets PyVISA open it.
+
+    >>> bare("visa:GPIB0::5::INSTR")
+    'GPIB0::5::INSTR'
+    """
+    return port[len(_BY_VISA) :] if port[: len(_BY_VISA)].lower() == _BY_VISA else port
 
 
 def kind_of(port: str) -> PortKind:
@@ -70,6 +83,8 @@ def kind_of(port: str) -> PortKind:
     >>> kind_of("TCPIP::192.168.10.21::hislip0::INSTR")
     <PortKind.HISLIP: 'hislip'>
     """
+    if bare(port) != port:
+        return PortKind.VISA
     where = url_of_resource(port)
     scheme, separator, _ = where.partition("://")
     if separator:
@@ -82,13 +97,14 @@ def kind_of(port: str) -> PortKind:
 
 
 def url_of_resource(name: str) -> str:
-    """Return the URL of a VISA resource name; anything else is returned as it is.
+    """Return the URL of a VISA resource name, whoever opens it; anything else is returned as it is.
 
     >>> url_of_resource("TCPIP::192.168.10.21::5025::SOCKET")
     'socket://192.168.10.21:5025'
     >>> url_of_resource("ASRL/dev/ttyUSB0::INSTR")
     '/dev/ttyUSB0'
     """
+    name = bare(name)
     if match := _VISA_SOCKET.match(name):
         return f"socket://{match['host']}:{match['port']}"
     if match := _VISA_SERIAL.match(name):
@@ -97,6 +113,12 @@ def url_of_resource(name: str) -> str:
 
 
 _SCHEMES = (*NETWORK, "sim", "replay")
+_BY_PYVISA = re.compile(
+    r"^((GPIB|USB|TCPIP)\d*::[^:].*|ASRL(\d+|/dev/(?!.*\.\.)[^:]+))::(INSTR|SOCKET|RAW)$", re.IGNORECASE
+)
+_VISA_NAMES = (
+    "visa:GPIB0::5::INSTR, visa:TCPIP::HOST::INSTR, visa:TCPIP::HOST::5025::SOCKET or visa:ASRL/dev/ttyS0::INSTR"
+)
 _WRITE = "write a device below /dev, socket://HOST:PORT, rfc2217://HOST:PORT, or a VISA name"
 
 
@@ -106,16 +128,16 @@ def why_not_opened(port: str) -> str:
     pyserial knows more schemes, and they go past every check of who is at a port: `alt://`, `hwgrep://` and `spy://`
     lead to serial devices by another name, `spy://` writes files, and at `loop://` there is nobody.
     """
+    if bare(port) != port:
+        return "" if _BY_PYVISA.match(bare(port)) else f"'{port}' does not look like visa:USB0::…::INSTR, {_VISA_NAMES}"
     url = url_of_resource(port)
     scheme, is_url, place = url.partition("://")
-    if not is_url and kind_of(port) in MESSAGES:
-        return ""
     if not is_url and "::" in port:
-        return (
-            f"'{port}' is no VISA name that is opened; USB and TCPIP are, and GPIB by a gateway: TCPIP::HOST::gpib0,5"
-        )
+        by_ourselves = "USB and TCPIP are, and GPIB by a gateway: TCPIP::HOST::gpib0,5"
+        told = f"'{port}' is no VISA name that is opened; {by_ourselves}; PyVISA may open others: {_BY_VISA}{port}"
+        return "" if kind_of(port) in MESSAGES else told
     if not is_url:
-        inside = posixpath.normpath(url).startswith("/dev/")
+        inside = posixpath.normpath(url).startswith("/dev/")  # a file of USBTMC, too
         return "" if inside else f"'{port}' is no serial device below /dev; {_WRITE}"
     if scheme not in _SCHEMES:
         return f"'{scheme}://' is never opened{did_you_mean(scheme, _SCHEMES)}; {_WRITE}"

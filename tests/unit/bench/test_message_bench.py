@@ -73,3 +73,24 @@ def test_what_is_never_opened_is_not_tried_in_another_way():
     spec = bench_of("alt:///dev/null")
     with pytest.raises(Refused, match="is never opened"):
         bind_live(spec, reach_of_hardware(spec), EPOCH, Transcript(None))
+
+
+def test_by_visa_it_is_transcribed_guarded_and_replayed(tmp_path):
+    """The same bytes; the guardian opens it by itself, because the library's session is the run's."""
+    record = tmp_path / "transcript.tsv"
+    with HiSlipServer(Supply()) as server:
+        spec = bench_of(f"visa:TCPIP::127.0.0.1::hislip0,{server.port}::INSTR")
+        with record.open("wb", buffering=0) as sink:
+            transcript = Transcript(sink)
+            bench = bind_live(spec, reach_of_hardware(spec), EPOCH, transcript)
+            identity = bench.drivers["psu1"].identify()
+            (port,) = plan_of(bench, tmp_path, ()).ports
+            bench.where = {"psu1": "visa:USB0::0x2A8D::0x1102::MY1::INSTR"}
+            with pytest.raises(Refused, match="cannot make supply.charge safe: it is at visa:USB0.* without 'visa:'"):
+                plan_of(bench, tmp_path, ())
+            bench.close()
+            transcript.flush()
+    assert (port.speaks, port.url, port.apart) == ("hislip", f"hislip://127.0.0.1:{server.port}/hislip0", True)
+    assert b"*IDN?\n" in [each.sent for each in read_transcript(record)]
+    with closing(bind_replayed(spec, Transcript(None), record, lambda: "", outside=True)) as bench:
+        assert bench.drivers["psu1"].identify() == identity

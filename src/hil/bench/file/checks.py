@@ -93,7 +93,7 @@ def _ports(spec: BenchSpec) -> Complaints:
 
 
 def _where(item: InstrumentSpec) -> str:
-    return "at USB" if kind_of(item.port) is PortKind.USBTMC else "on a network"
+    return {PortKind.USBTMC: "at USB", PortKind.VISA: "at a VISA name"}.get(kind_of(item.port), "on a network")
 
 
 def _is_on_network(item: InstrumentSpec) -> bool:

@@ -9,7 +9,7 @@ from hil.instruments.driver import ANY_BYTE, TERMINATED, offers
 from hil.instruments.registry import DRIVERS
 from hil.model.bench import BenchSpec, InstrumentSpec
 from hil.model.notation import Path
-from hil.wire.opening import MESSAGES, PortKind, kind_of
+from hil.wire.opening import MESSAGES, PortKind, bare, kind_of
 from hil.wire.tap import LONGEST_WAIT
 
 __all__ = ["identities", "settings"]
@@ -21,7 +21,7 @@ def identities(spec: BenchSpec) -> Complaints:
     """Check that only serial devices are said to be USB devices or on board, and that no two are the same one."""
     seen: dict[str, InstrumentSpec] = {}
     for path, item in named(spec.instruments, "instruments"):
-        is_device = bool(item.port) and kind_of(item.port) is PortKind.SERIAL
+        is_device = bool(item.port) and kind_of(bare(item.port)) is PortKind.SERIAL
         if item.usb is not None and not is_device:
             yield (*path, "usb"), f"{item.name}: only a serial device of this computer has a USB identity"
         if item.onboard is not None and not is_device:
@@ -50,7 +50,8 @@ def settings(spec: BenchSpec) -> Complaints:
         if item.port and kind_of(item.port) is PortKind.OTHER:
             continue  # no such port is opened; that is told where it is read
         if not (item.port and kind_of(item.port) in _SERIAL):
-            given = {"baud": item.baud != 0, "serial_line": item.serial_line is not None}
+            by_visa = bool(item.port) and kind_of(bare(item.port)) is PortKind.SERIAL  # sets the speed of a line alone
+            given = {"baud": item.baud != 0 and not by_visa, "serial_line": item.serial_line is not None}
             for key in (key for key, is_given in given.items() if is_given):
                 yield (*path, key), f"{item.name} is at {where}, which has no {key}"
         if item.bus:

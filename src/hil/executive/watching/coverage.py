@@ -16,6 +16,7 @@ from hil.model.errors import Refused
 from hil.model.identity import Source
 from hil.model.safing import CutOutput, GuardedOutput, GuardedPort, GuardPlan
 from hil.wire.line_stream import port_of
+from hil.wire.visa import why_not_shared
 
 __all__ = ["harmless", "plan_of"]
 
@@ -77,6 +78,8 @@ def _guarded(bench: BoundBench, step: SafeStep) -> GuardedOutput | str:
     role, device = bench.roles[step.output], bench.spec.wire(step.output).instrument
     if not isinstance(role, SafeByBytes):
         return "gives no safe_bytes"
+    if why := why_not_shared(bench.where.get(device, "")):
+        return why
     if device not in bench.descriptors:
         return "has no port that the guardian could use"
     try:

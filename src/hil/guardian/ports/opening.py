@@ -46,11 +46,11 @@ def line_on(descriptor: int, port: GuardedPort, interrupt: Event | None = None) 
     Raises:
         OSError, ValueError: if a session of its own is needed, and cannot be had.
     """
-    if port.speaks == "usbtmc":
-        return MessageLine(UsbTmc(descriptor))
-    if port.speaks in {"hislip", "vxi11"}:  # a session has numbers that others do not know
+    if port.apart or port.speaks in {"hislip", "vxi11"}:  # a session has numbers that others do not know
         os.close(descriptor)
         return opened(port, interrupt)
+    if port.speaks == "usbtmc":
+        return MessageLine(UsbTmc(descriptor))
     kind = TelnetLine if port.speaks == "telnet" else Line
     return kind(descriptor, port.baud, interrupt)
 

@@ -55,7 +55,8 @@ class PortWorker:
         self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix=port.device)
         self._thread.submit(bool)  # start the thread before it is needed
         try:
-            self._identity = identity_of(descriptor)
+            is_device = port.apart and port.url.startswith("/")
+            self._identity = identity_of(port.url if is_device else descriptor)
             self._talk = Dialogue(line_on(descriptor, port, self._interrupt))
         except OSError as error:
             self._why_gone = str(error)
