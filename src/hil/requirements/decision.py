@@ -27,6 +27,9 @@ from hil.requirements.units import convert, scale
 
 __all__ = ["Judgement", "combined", "judge"]
 
+_NORMAL = 1.959963984540054
+"""The coverage factor of 95 % where the degrees of freedom are infinite, as scipy.special.ndtri(0.975) has it."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Judgement:
@@ -246,6 +249,8 @@ def _finite(number: float) -> float | None:
 
 @lru_cache(maxsize=1024)
 def _coverage(dof: float) -> float:
-    from scipy.special import ndtri, stdtrit  # noqa: PLC0415 - only checks pay for it
+    if math.isinf(dof):
+        return _NORMAL
+    from scipy.special import stdtrit  # noqa: PLC0415 - slow to import, and few values have finite degrees of freedom
 
-    return float(ndtri(0.975) if math.isinf(dof) else stdtrit(dof, 0.975))
+    return float(stdtrit(dof, 0.975))

@@ -3,6 +3,7 @@ from __future__ import annotations
 import math
 
 import pytest
+from scipy import special
 
 from hil.model.figure import Figure, FigureStatus
 from hil.model.verdict import Verdict
@@ -220,3 +221,8 @@ def test_extreme_numbers_give_a_verdict():
                 assert judgement.verdict in {Verdict.INCONCLUSIVE, Verdict.FAIL, Verdict.PASS}
                 for number in (judgement.uncertainty, judgement.expanded, judgement.tur):
                     assert number is None or math.isfinite(number)
+
+
+def test_infinite_degrees_of_freedom_have_the_factor_of_the_normal_distribution():
+    """The number that stands in the code is that of scipy, to the last bit."""
+    assert judge(volts(0.0, 1.0), AT_MOST).expanded == float(special.ndtri(0.975))

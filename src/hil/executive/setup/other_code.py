@@ -14,13 +14,12 @@ from importlib import metadata
 from importlib.metadata import Distribution, EntryPoint
 from pathlib import Path
 from typing import NamedTuple
-from urllib.parse import urlsplit
-from urllib.request import url2pathname
+from urllib.parse import unquote, urlsplit
 
 from hil.documents.offers import Offers
 from hil.executive.setup.checkout import digest_of, status, tracked
 
-__all__ = ["OtherPackage", "at_start", "of_no_package", "other_packages"]
+__all__ = ["OtherPackage", "at_start", "named", "of_no_package", "other_packages"]
 
 _PRODUCT = "hil"
 _CUSTOMISING = ("sitecustomize", "usercustomize")
@@ -34,10 +33,10 @@ _VIRTUALENV = frozenset(
 
 
 class _Owner(NamedTuple):
-    """Which package a file is of, and its SHA-256 as the RECORD has it (PEP 376), empty where it has none."""
+    """Which package a file is of, and its hash as the RECORD has it (PEP 376), empty where it has none."""
 
     package: str
-    sha256: str
+    recorded: str
 
 
 class OtherPackage:
@@ -119,7 +118,7 @@ class OtherPackage:
             return
         for path in {*self._files(), *map(Path, self._recorded)}:
             due = self._recorded.get(str(path))
-            if due is None or (due and due != digest_of(path)):
+            if due is None or (_hexadecimal(due) not in {"", digest_of(path)}):
                 yield self._shown(path)
 
     @property
@@ -174,10 +173,11 @@ def of_no_package(workspace: Path, modules: Mapping[str, object] = sys.modules) 
 
 def _started(path: Path) -> dict[str, object]:
     owner, digest = _owners().get(str(path), _Owner("", "")), digest_of(path)
+    whole = bool(digest) and _hexadecimal(owner.recorded) == digest
+    told = {"file": f"{path.parent.name}/{path.name}", "sha256": digest, "of": owner.package, "whole": whole}
     if digest in _VIRTUALENV and digest_of(path.with_name("_virtualenv.py")) in _VIRTUALENV:
-        owner = _Owner("virtualenv", digest)
-    as_recorded = bool(digest) and owner.sha256 == digest
-    return {"file": f"{path.parent.name}/{path.name}", "sha256": digest, "of": owner.package, "whole": as_recorded}
+        return {**told, "of": "virtualenv", "whole": True}
+    return told
 
 
 def _imports(path: Path) -> bool:
@@ -194,24 +194,35 @@ def _owners() -> Mapping[str, _Owner]:
     """Return every file that an installed package records; reading what they record takes some milliseconds."""
     found = {}
     for each in metadata.distributions():
-        package = f"{each.name} {each.version}"  # what is read from its metadata every time
+        package = " ".join(named(each))
         found.update({path: _Owner(package, digest) for path, digest in _recorded(each).items()})
     return found
 
 
+def named(distribution: Distribution) -> tuple[str, str]:
+    """Return name and version of an installed package; to parse all of its metadata takes many times as long."""
+    head = (distribution.read_text("METADATA") or "").partition("\n\n")[0]
+    fields = dict(line.split(": ", 1) for line in head.splitlines() if line.startswith(("Name: ", "Version: ")))
+    if len(fields) < 2:
+        return distribution.name, distribution.version
+    return fields["Name"], fields["Version"]
+
+
 def _recorded(distribution: Distribution) -> dict[str, str]:
-    """Return the files that a package records, with their SHA-256, empty for those that it records without one."""
+    """Return the files that a package records, each with its hash as it stands there, empty where none does."""
     root = os.path.realpath(str(distribution.locate_file("")))
     found = {}
     for line in (distribution.read_text("RECORD") or "").splitlines():
         name, _, rest = line.rpartition(",")[0].rpartition(",")
         if name and "__pycache__" not in name:
-            path = os.path.normpath(os.path.join(root, name.strip('"')))  # noqa: PTH118 - of some thousand files
-            found[path] = _hexadecimal(rest)
+            plain = name[0] not in './"' and "/." not in name  # as nearly all of some thousand files
+            path = f"{root}{os.sep}{name}" if plain else os.path.normpath(os.path.join(root, name.strip('"')))  # noqa: PTH118
+            found[path] = rest
     return found
 
 
 def _hexadecimal(recorded: str) -> str:
+    """Return a file's SHA-256 as digits from its hash in a RECORD, empty for one of another kind."""
     kind, _, digest = recorded.partition("=")
     return base64.urlsafe_b64decode(f"{digest}==").hex() if kind == "sha256" else ""
 
@@ -235,7 +246,7 @@ def _direct_url(distribution: Distribution) -> dict[str, object]:
 
 def _folder(told: Mapping[str, object]) -> Path | None:
     """Return the folder that a package was installed from, None for one from elsewhere."""
-    return Path(os.path.realpath(url2pathname(urlsplit(str(told["url"])).path))) if "dir_info" in told else None
+    return Path(os.path.realpath(unquote(urlsplit(str(told["url"])).path))) if "dir_info" in told else None
 
 
 @cache

@@ -41,6 +41,11 @@ def parsed(source: bytes) -> ast.Module:
     return ast.parse(source)
 
 
+@lru_cache(maxsize=64)
+def _nodes(source: bytes) -> tuple[ast.AST, ...]:
+    return tuple(ast.walk(parsed(source)))
+
+
 def sleeps(source: bytes, shown: str) -> tuple[str, ...]:
     """Return every call of `time.sleep` in the source of a module, a sentence each, by line.
 
@@ -49,11 +54,12 @@ def sleeps(source: bytes, shown: str) -> tuple[str, ...]:
         shown: its path, as people see it.
     """
     try:
-        tree = parsed(source)
+        nodes = _nodes(source)
     except (SyntaxError, ValueError):
         return ()
-    names = {name for node in ast.walk(tree) for name in _names_of_sleep(node)}
-    calls = (node for node in ast.walk(tree) if names and isinstance(node, ast.Call))
+    if not (names := {name for node in nodes for name in _names_of_sleep(node)}):
+        return ()
+    calls = (node for node in nodes if isinstance(node, ast.Call))
     lines = sorted({call.lineno for call in calls if ast.unparse(call.func) in names})
     return tuple(f"{shown}:{line} calls time.sleep, {_SLEPT}" for line in lines)
 
@@ -81,10 +87,10 @@ def beyond(source: bytes, shown: str) -> tuple[str, ...]:
         shown: its path, as people see it.
     """
     try:
-        tree = parsed(source)
+        nodes = _nodes(source)
     except (SyntaxError, ValueError):
         return ()
-    found = sorted({(line, what) for node in ast.walk(tree) for line, what in _of_node(node)})
+    found = sorted({(line, what) for node in nodes for line, what in _of_node(node)})
     return tuple(f"{shown}:{line} {what}" for line, what in found)
 
 
@@ -157,7 +163,7 @@ def numbers_in(source: bytes) -> frozenset[float]:
             value = _folded(node.value, names)
             if value is not None:
                 names[node.targets[0].id] = value
-    found = (_folded(node, names) for node in ast.walk(tree) if isinstance(node, ast.expr))
+    found = (_folded(node, names) for node in _nodes(source) if isinstance(node, ast.expr))
     return frozenset(abs(value) for value in found if value is not None)
 
 

@@ -15,7 +15,6 @@ import hil
 from hil.documents.canonical import JsonError, parse_strict
 from hil.evidence.results.judging_code import judging_digest
 from hil.executive.setup.checkout import digest_of, git, status
-from hil.executive.setup.other_code import at_start, of_no_package, other_packages
 from hil.model.errors import Refused
 
 __all__ = ["PINNED", "customised", "pinned_environment", "require_assertions", "software_identity", "version"]
@@ -73,6 +72,8 @@ def version() -> str:
 
 def software_identity(workspace: Path) -> dict[str, object]:
     """Return what is frozen as `data/software.json`; the workspace's difference to its commit is kept whole."""
+    from hil.executive.setup.other_code import at_start, of_no_package, other_packages  # noqa: PLC0415 - in runs only
+
     return {
         "format": 2,
         "hil": {"version": version(), "commit": _source(Path(hil.__file__).parent)},
@@ -92,8 +93,9 @@ def software_identity(workspace: Path) -> dict[str, object]:
 
 @cache  # a process does not outlive its packages, and reading what they say of themselves takes long
 def _packages() -> tuple[tuple[str, str], ...]:
-    told = [item.metadata for item in metadata.distributions()]
-    return tuple(sorted((facts["Name"], facts["Version"]) for facts in told))
+    from hil.executive.setup.other_code import named  # noqa: PLC0415 - in runs only
+
+    return tuple(sorted(map(named, metadata.distributions())))
 
 
 def _workspace(folder: Path) -> dict[str, object]:
