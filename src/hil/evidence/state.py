@@ -20,6 +20,7 @@ from hil.evidence.events import (
     Check,
     End,
     Event,
+    Executed,
     Fault,
     FrozenLater,
     Gate,
@@ -168,6 +169,7 @@ class RunState:
         attachments: the files that were attached or made.
         added: notes, attachments and anomalies since the first gate.
         resumptions: when the run was resumed.
+        executed: what was compared of the code that ran.
         reaches: what code that was frozen in its course reaches for beyond what cases are given.
         trip: how the envelope was left first, if it was.
         stop: why the run was ended early, None if it was not, and once it is armed again.
@@ -200,6 +202,7 @@ class RunState:
         self.end: End | None = None
         self.t = 0.0
         self.reaches: list[str] = []
+        self.executed: list[Executed] = []
 
     @property
     def interrupted(self) -> bool:
@@ -239,6 +242,8 @@ class RunState:
                 self._gate(event)
             case FrozenLater():
                 self.reaches += event.reaches
+            case Executed():
+                self.executed.append(event)
             case Trip():
                 self.trip = self.trip or event
             case SafeEnd():

@@ -157,6 +157,8 @@ class Session:
             freezing(configuration.inputs, record.folder, record.events, self.flags)
         )
         record.begin(planned)
+        if configuration.request.source is Source.HARDWARE and configuration.reach is not None:
+            self._freezing.compare_executed()
         self.bench = bench = binder(record.transcript, self._where)
         self._closing.callback(bench.close)
         record.follow(bench, checkpoints=bool(leases))  # nobody resumes a rehearsal

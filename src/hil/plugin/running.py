@@ -20,6 +20,7 @@ from hil.executive.people.questions import Declined
 from hil.executive.resuming.earlier import Earlier, find_earlier
 from hil.executive.resuming.preconditions import changes, deviation_of, require_answers
 from hil.executive.session import EXIT_INTERRUPTED, Session
+from hil.executive.setup import auditing
 from hil.executive.setup.configuration import Configuration, Request, configure
 from hil.executive.setup.head import PlannedCase
 from hil.executive.setup.workspace import Workspace
@@ -120,6 +121,7 @@ def resume(
     Raises:
         Refused: if nothing can be resumed, what the run is made of has changed, or it waits for `hil ack`.
     """
+    auditing.begin()  # before drivers and the like of others are imported
     earlier = find_earlier(folder)
     require_acknowledged(folder)
     wanted = request(earlier)
@@ -138,6 +140,7 @@ def resume(
 def _run(
     configured: Callable[[], Configuration], opener: Callable[..., Session], out: TextIO, word: Word, verbose: bool
 ) -> int:
+    auditing.begin()  # before drivers and the like of others are imported
     process = _RunProcess(opener, out, word, verbose=verbose)
     try:
         configuration = configured()

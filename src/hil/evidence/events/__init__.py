@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from hil.evidence.events import bench, cases, event, people, recordings, run
+from hil.evidence.events import bench, cases, code, event, people, recordings, run
 from hil.evidence.events.bench import *  # noqa: F403 - every kind is named once, where it is defined
 from hil.evidence.events.cases import *  # noqa: F403
+from hil.evidence.events.code import *  # noqa: F403
 from hil.evidence.events.event import *  # noqa: F403
 from hil.evidence.events.people import *  # noqa: F403
 from hil.evidence.events.recordings import *  # noqa: F403
@@ -13,6 +14,7 @@ from hil.evidence.events.run import *  # noqa: F403
 __all__: list[str] = []
 __all__ += bench.__all__
 __all__ += cases.__all__
+__all__ += code.__all__
 __all__ += event.__all__
 __all__ += people.__all__
 __all__ += recordings.__all__

@@ -22,7 +22,6 @@ __all__ = [
     "Check",
     "Effect",
     "Fault",
-    "FrozenLater",
     "NotRun",
     "Question",
     "Step",
@@ -40,24 +39,6 @@ class Case(Event, frozen=True, kw_only=True):
 
     case: str
     attempt: int
-
-    synced: ClassVar[bool] = True
-
-
-class FrozenLater(Event, frozen=True, kw_only=True):
-    """A file of the workspace was frozen when code of the run first imported or opened it, after the run had begun.
-
-    Attributes:
-        file: its path in the package.
-        sha256: its hash.
-        case: the case that used it, empty between cases.
-        reaches: what its code reaches for beyond what cases are given, a sentence each.
-    """
-
-    file: str
-    sha256: str
-    case: str
-    reaches: tuple[str, ...] = ()
 
     synced: ClassVar[bool] = True
 

@@ -12,7 +12,7 @@ import msgspec
 
 from hil.documents.canonical import JsonError, Unusual, canonical, quick_text
 from hil.documents.suggest import did_you_mean
-from hil.evidence.events import bench, cases, people, recordings, run
+from hil.evidence.events import bench, cases, code, people, recordings, run
 from hil.evidence.events.event import Event
 
 __all__ = ["KINDS", "convert", "decode", "encode", "is_text_of", "plain", "quick_canonical", "stamped", "told"]
@@ -118,7 +118,7 @@ _Event = TypeVar("_Event", bound=Event)
 
 KINDS: Mapping[str, type[Event]] = {
     each.kind(): each
-    for module in (run, cases, recordings, bench, people)
+    for module in (run, cases, code, recordings, bench, people)
     for each in (getattr(module, name) for name in module.__all__)
     if issubclass(each, Event)
 }

@@ -16,7 +16,6 @@ __all__ = [
     "End",
     "Entry",
     "Failed",
-    "Frozen",
     "Live",
     "Notified",
     "NotifyFailed",
@@ -121,16 +120,6 @@ class Run(Event, frozen=True, kw_only=True):
     recorded_elsewhere: str = ""
 
     synced: ClassVar[bool] = True
-
-
-class Frozen(Event, frozen=True, kw_only=True):
-    """What was frozen before the first step; the second event.
-
-    Attributes:
-        files: path and SHA-256 of every frozen file that is the same in equal runs.
-    """
-
-    files: Mapping[str, str]
 
 
 class PlannedCase(Part, frozen=True, kw_only=True):

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from hil.evidence.events import Gate
 from hil.evidence.results.facts import Facts, FrozenCalibration, FrozenRequirement
 from hil.evidence.results.outcome import EXCEPTION, CaseOutcome, Condition
-from hil.evidence.results.software import condition, each_of, of_software
+from hil.evidence.results.software import TELLS_OF_EXECUTED, condition, each_of, of_software
 from hil.evidence.state import RunState
 from hil.model.identity import Model, Purpose, Source
 from hil.model.verdict import Verdict
@@ -44,6 +44,7 @@ def of_run(state: RunState, facts: Facts) -> tuple[Condition, ...]:
         *_recorded_elsewhere(state),
         *_purpose(state),
         *of_software(facts.software),
+        *_executed(state, facts),
         *_course(state),
         *_dut(state),
         *_gates(state),
@@ -160,6 +161,18 @@ def _purpose(state: RunState) -> Iterator[Condition]:
     yield condition("purpose", closes, proof, f"the purpose {purpose} does not close requirements")
     operator = state.run.operator if state.run else ""
     yield condition("operator", bool(operator), f"the operator is {operator}", "no operator is named")
+
+
+def _executed(state: RunState, facts: Facts) -> Iterator[Condition]:
+    """What ran on hardware was compared with what was installed, also what was imported late."""
+    if facts.software.format < TELLS_OF_EXECUTED or state.run is None or state.run.source is not Source.HARDWARE:
+        return
+    last = next((each for each in state.executed if each.last), None)
+    told = [problem for each in state.executed for problem in each.problems]
+    missing = [] if last else ["the code that ran was not compared with what was installed when the run ended"]
+    besides = ", ".join(last.packages) if last else ""
+    proof = f"the code that ran is as it was installed{f', that of {besides} included' * bool(besides)}"
+    yield from each_of("executed", [*told, *missing], proof)
 
 
 def _course(state: RunState) -> Iterator[Condition]:

@@ -8,8 +8,19 @@ import msgspec
 
 from hil.evidence.results.outcome import NO_OTHERS, OTHERS, Condition
 
-__all__ = ["AtStart", "Commit", "FrozenSoftware", "OtherPackage", "condition", "each_of", "of_software"]
+__all__ = [
+    "TELLS_OF_EXECUTED",
+    "AtStart",
+    "Commit",
+    "FrozenSoftware",
+    "OtherPackage",
+    "condition",
+    "each_of",
+    "of_software",
+]
 
+TELLS_OF_EXECUTED = 3
+"""The first format of `software.json` in whose packages a run on hardware compares what it executed."""
 _TELLS_OF_OTHERS = 2
 """The first format of `software.json` that tells of code of others."""
 _ORIGINS = {

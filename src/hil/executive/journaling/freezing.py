@@ -12,6 +12,7 @@ from hil.evidence import events
 from hil.evidence.durable import write_whole
 from hil.executive.ending.stop import StopFlags
 from hil.executive.journaling.events import Events
+from hil.executive.setup.executed import Executed
 from hil.executive.setup.inputs import Inputs
 from hil.model.errors import HilError
 
@@ -37,6 +38,11 @@ class Freezing:
         self._case = ""
         self._frozen: set[str] = set()
         self._waiting: list[Path] = []
+        self._executed: Executed | None = None
+
+    def compare_executed(self) -> None:
+        """Compare, from now on, what the run executes with what was installed; evidence from hardware needs that."""
+        self._executed = Executed(self._inputs)
 
     def heard(self, event: events.Event) -> None:
         """Take an event."""
@@ -69,10 +75,15 @@ class Freezing:
         """Freeze what waits, and return what was refused to the case, whatever it made of it."""
         while self._waiting:
             self.used(self._waiting.pop(0))
+        if self._executed is not None and (problems := self._executed.new_problems()):
+            self._journal.write(events.Executed(problems=problems))
         return self._inputs.take_refused()
 
     def tell_changes(self) -> None:
-        """Write down which files are no longer the same on the disk."""
+        """Write down which files are no longer the same on the disk, and what else was executed."""
+        if self._executed is not None:
+            its = self._executed
+            self._journal.write(events.Executed(packages=its.packages(), problems=its.last_problems(), last=True))
         for path in self._inputs.changed():
             shown = self._inputs.shown(path)
             text = f"{shown} changed on the disk while the run lasted; the run used the frozen bytes"

@@ -14,7 +14,7 @@ from types import CodeType, FrameType, FunctionType
 from hil.executive.setup.ground import COMPILED, PRODUCT, Ground
 from hil.executive.setup.inputs import CodeFromOutside, Inputs
 
-__all__ = ["Recoded", "begin", "recoded", "watched"]
+__all__ = ["Recoded", "begin", "executed", "recoded", "watched"]
 
 Recoded = tuple[FunctionType, tuple[object, object]]
 """A function, and its code and defaults before they were changed."""
@@ -98,11 +98,17 @@ _hooked: list[bool] = []
 
 
 _recoded: list[Recoded] = []
+_executed: list[CodeType | str] = []
 
 
 def _hook(event: str, args: tuple[object, ...]) -> None:
     if event in _RECODES and isinstance(function := args[0], FunctionType):
         _recoded.append((function, (function.__code__, function.__defaults__)))
+    elif event == "exec" and isinstance(code := args[0], CodeType):
+        if code.co_name == "<module>" and code.co_filename.startswith(os.sep):
+            _executed.append(code)
+    elif event == "import" and isinstance(args[1], str):  # of a compiled library; any other module is executed
+        _executed.append(args[1])
     if _watches:
         _watches[-1].take(event, args)
 
@@ -121,6 +127,11 @@ def recoded(since: int) -> Sequence[Recoded]:
     To look at the code of every function takes long: each look is an audit event of its own.
     """
     return _recoded[since:]
+
+
+def executed(since: int) -> Sequence[CodeType | str]:
+    """Return the code of every module that was executed, and every compiled library, since so many were."""
+    return _executed[since:]
 
 
 @contextmanager

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import os
+import re
 import site
 import sys
 import sysconfig
@@ -19,7 +20,7 @@ from urllib.parse import unquote, urlsplit
 from hil.documents.offers import Offers
 from hil.executive.setup.checkout import digest_of, status, tracked
 
-__all__ = ["OtherPackage", "at_start", "named", "of_no_package", "other_packages"]
+__all__ = ["Installed", "OtherPackage", "at_start", "named", "of_no_package", "other_packages"]
 
 _PRODUCT = "hil"
 _CUSTOMISING = ("sitecustomize", "usercustomize")
@@ -70,6 +71,10 @@ class OtherPackage:
             "files": files,
             "differing": sorted(self._differing()),
         }
+
+    def digests(self) -> dict[Path, str]:
+        """Return each of its files with its SHA-256 now."""
+        return {path: digest_of(path) for path in self._files()}
 
     def sources(self) -> Iterator[tuple[str, bytes]]:
         """Yield path in the package of evidence, and content, of each of its Python files."""
@@ -130,6 +135,51 @@ class OtherPackage:
         """Return a path that tells nothing of this machine."""
         roots = (self._root, *(place.parent for place in self._places()))
         return next((path.relative_to(root).as_posix() for root in roots if path.is_relative_to(root)), path.name)
+
+
+class Installed:
+    """What is installed, by file: whose it is, and what its RECORD says of it."""
+
+    def has(self, file: str) -> bool:
+        """Return whether a file is recorded by a package, or of Python."""
+        return self._owner(file) is not None or self.is_python(file)
+
+    def is_python(self, file: str) -> bool:
+        """Return whether a file is of Python itself."""
+        return _is_python(file) or _is_python(os.path.realpath(file))
+
+    def package_of(self, file: str) -> str:
+        """Return name and version of the package that records a file, empty for none."""
+        owner = self._owner(file)
+        return owner.package if owner else ""
+
+    def name_of(self, file: str) -> str:
+        """Return the name of that package in the spelling in which names are compared, empty for none."""
+        return re.sub(r"[-_.]+", "-", self.package_of(file).partition(" ")[0]).lower()
+
+    def recorded(self, file: str) -> str | None:
+        """Return the SHA-256 that a RECORD has of a file, empty where it has none; None if no package records it."""
+        owner = self._owner(file)
+        return _hexadecimal(owner.recorded) if owner else None
+
+    def is_in_place(self, path: Path) -> bool:
+        """Return whether a file lies in the folder of a package that was installed in place."""
+        return self._folder(path) is not None
+
+    def is_committed(self, path: Path, digest: str) -> bool:
+        """Return whether version control has a file of a package in place, as it is."""
+        folder = self._folder(path)
+        if folder is None:
+            return False
+        commit, changed = status(folder, "--untracked-files=all", "--", str(path))
+        return bool(commit) and not changed and digest in tracked(folder, path.suffix)
+
+    def _folder(self, path: Path) -> Path | None:
+        return next((Path(each) for each in _in_place() if path.is_relative_to(each)), None)
+
+    def _owner(self, file: str) -> _Owner | None:
+        owners = _owners()
+        return owners.get(file) or owners.get(os.path.realpath(file))
 
 
 def other_packages() -> tuple[OtherPackage, ...]:

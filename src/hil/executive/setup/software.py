@@ -17,7 +17,15 @@ from hil.evidence.results.judging_code import judging_digest
 from hil.executive.setup.checkout import digest_of, git, status
 from hil.model.errors import Refused
 
-__all__ = ["PINNED", "customised", "pinned_environment", "require_assertions", "software_identity", "version"]
+__all__ = [
+    "PINNED",
+    "customised",
+    "pinned_environment",
+    "product_source",
+    "require_assertions",
+    "software_identity",
+    "version",
+]
 
 PINNED = {
     "NPY_DISABLE_CPU_FEATURES": "AVX512F AVX512CD AVX512_SKX AVX512_CLX AVX512_CNL AVX512_ICL AVX512_SPR",
@@ -75,8 +83,8 @@ def software_identity(workspace: Path) -> dict[str, object]:
     from hil.executive.setup.other_code import at_start, of_no_package, other_packages  # noqa: PLC0415 - in runs only
 
     return {
-        "format": 2,
-        "hil": {"version": version(), "commit": _source(Path(hil.__file__).parent)},
+        "format": 3,
+        "hil": {"version": version(), "commit": product_source()},
         "workspace": _workspace(workspace),
         "python": platform.python_version(),
         "platform": platform.platform(),
@@ -102,6 +110,11 @@ def _workspace(folder: Path) -> dict[str, object]:
     commit, changed = status(folder)
     difference = git(folder, "diff", "HEAD") if commit else ""
     return {"commit": {"id": commit, "changed": bool(commit and changed)}, "difference": difference}
+
+
+def product_source() -> dict[str, object]:
+    """Return the commit of the product's source as it is now, and the files that differ from it."""
+    return _source(Path(hil.__file__).parent)
 
 
 def _source(package: Path) -> dict[str, object]:

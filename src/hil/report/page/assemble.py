@@ -342,7 +342,11 @@ def _parameters(material: Material) -> tuple[ParameterRow, ...]:
     )
 
 
-_OTHER_CODE = {OTHERS: "drivers from other packages", "start": "other code"}
+_OTHER_CODE = {
+    OTHERS: "drivers, roles, plants, peers and faults",
+    "start": "code at the start of Python",
+    "executed": "code that ran",
+}
 _TOLD_APART = frozenset({"format", "packages", "others", "start", "strays"})
 
 

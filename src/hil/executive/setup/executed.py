@@ -1,0 +1,215 @@
+"""What a run executed, compared with what was installed: the source as it was recorded, and the code as its source."""
+
+from __future__ import annotations
+
+import marshal
+import os
+import re
+import sys
+from collections.abc import Iterable, Iterator, Mapping
+from functools import cache
+from importlib import metadata
+from importlib.machinery import SourceFileLoader
+from importlib.util import MAGIC_NUMBER, cache_from_source
+from pathlib import Path
+from types import CodeType
+
+from hil.executive.setup import auditing
+from hil.executive.setup.checkout import digest_of
+from hil.executive.setup.ground import PRODUCT
+from hil.executive.setup.inputs import Inputs
+from hil.executive.setup.other_code import Installed, of_no_package, other_packages
+from hil.executive.setup.software import product_source
+
+__all__ = ["Executed"]
+
+_PRODUCT = "hil"
+_CASES = ("test_", "conftest")
+_HEADER = 16
+"""Bytes before the code in a compiled copy: magic number, flags, and time and size of the source (PEP 552)."""
+
+
+class Executed:
+    """The code that this process has executed outside of Python's own library.
+
+    What is imported late, such as by a function of a driver, is neither named nor compared when a run begins. And a
+    compiled copy is executed whatever it was compiled from, if it gives the time and the size of the source.
+
+    Args:
+        inputs: what is frozen of the workspace.
+        modules: the modules of this process.
+    """
+
+    def __init__(self, inputs: Inputs, modules: Mapping[str, object] = sys.modules) -> None:
+        self._inputs = inputs
+        self._modules = modules
+        self._installed = Installed()
+        self._offering = {str(path): digest for each in other_packages() for path, digest in each.digests().items()}
+        self._strays = set(of_no_package(inputs.root, modules))
+        self._product = product_source()
+        self._told: set[str] = set()
+        self._seen: set[str] = set()
+        self._pythons: set[str] = set()
+        self._heard = 0
+        self._codes: dict[str, list[CodeType]] = {}
+        self._first: tuple[str, ...] = (
+            self._of_others()
+        )  # which takes long the first time, and nothing waits for it now
+
+    def new_problems(self) -> tuple[str, ...]:
+        """Return why what was executed of others since the last call is not known, a sentence each."""
+        first, self._first = self._first, ()
+        return self._untold([*first, *self._of_others()])
+
+    def last_problems(self) -> tuple[str, ...]:
+        """Return why what was executed is not known, the product and what it needs included, a sentence each."""
+        self._hear()
+        changed = ["hil was changed while the run lasted"] if product_source() != self._product else []
+        return self._untold([*self._problems(self._files()), *changed])
+
+    def packages(self) -> tuple[str, ...]:
+        """Return the packages whose code was executed, sorted, but for hil and what hil needs."""
+        self._hear()
+        names = {self._installed.package_of(file) for file in self._files() if not self._is_needed(file)}
+        return tuple(sorted(names - {""}))
+
+    def _of_others(self) -> tuple[str, ...]:
+        """Return what is wrong with the files of others that were executed since."""
+        self._hear()
+        files = [file for file in self._files() if file not in self._seen]
+        self._seen.update(files)
+        return tuple(self._problems(file for file in files if not self._is_needed(file)))
+
+    def _untold(self, problems: Iterable[str]) -> tuple[str, ...]:
+        found = tuple(each for each in dict.fromkeys(problems) if each not in self._told)
+        self._told.update(found)
+        return found
+
+    def _hear(self) -> None:
+        """Take in what was executed since."""
+        heard = auditing.executed(self._heard)
+        self._heard += len(heard)
+        for each in heard:
+            if isinstance(each, CodeType):
+                self._codes.setdefault(each.co_filename, []).append(each)
+            else:
+                self._codes.setdefault(each, [])
+
+    def _files(self) -> list[str]:
+        """Return the files that were executed, Python's own left out, sorted."""
+        named = (getattr(module, "__file__", None) for module in list(self._modules.values()))
+        files = {file for file in named if isinstance(file, str)} | self._codes.keys()
+        self._pythons.update(file for file in files - self._seen - self._pythons if self._installed.is_python(file))
+        return sorted(files - self._pythons)
+
+    def _is_needed(self, file: str) -> bool:
+        """Return whether a file is of the product or of a package that it needs."""
+        return file.startswith(PRODUCT) or self._installed.name_of(file) in _needed()
+
+    def _problems(self, files: Iterable[str]) -> Iterator[str]:
+        loaded = self._loaded_from_source()
+        for file in files:
+            path = Path(os.path.realpath(file))
+            if path.is_relative_to(self._inputs.root) and not self._installed.has(file):
+                yield from self._of_workspace(file, path)
+            else:
+                yield from self._of_package(file, path, copied=file in loaded)
+
+    def _of_workspace(self, file: str, path: Path) -> Iterator[str]:
+        if path not in self._inputs.snapshot:
+            yield f"{self._inputs.shown(path)} was executed, and was not frozen"
+        elif not path.name.startswith(_CASES):  # assertions of cases are rewritten, and loaded from what is frozen
+            data = self._inputs.snapshot.take(path)
+            if not _are_of(self._codes.get(file, []), data, file):
+                yield f"{self._inputs.shown(path)} was executed otherwise than its source says"
+
+    def _of_package(self, file: str, path: Path, *, copied: bool) -> Iterator[str]:
+        shown, package = "/".join(path.parts[-2:]), self._installed.package_of(file)
+        if not file.startswith(PRODUCT):
+            named = f"{shown} of {package}" if package else shown
+            problem = self._unknown(file, path)
+            if problem:
+                yield f"{named} {problem}"
+                return
+        codes = self._codes.get(file) or (_compiled_copy(file) if copied else [])
+        if codes and not _are_of(codes, path.read_bytes(), file):
+            yield f"{shown} was executed otherwise than its source says, such as from a compiled copy of another source"
+
+    def _unknown(self, file: str, path: Path) -> str:
+        """Return why nobody knows what a file of others held, empty if it is known."""
+        due, digest = self._offering.get(str(path)), digest_of(path)
+        if due is not None:
+            return "" if due == digest else "was changed while the run lasted"
+        recorded = self._installed.recorded(file)
+        if recorded is None:
+            told = any(f"({path.name})" in each for each in self._strays)
+            if self._installed.is_in_place(path):
+                return "" if self._installed.is_committed(path, digest) else "is not in a commit as it is"
+            return "" if told else "was executed, and is of no installed package"
+        return "" if not recorded or recorded == digest else "is not as it was installed"
+
+    def _loaded_from_source(self) -> frozenset[str]:
+        """Return the files of the modules that Python's own loader loaded."""
+        loaded = (each for each in list(self._modules.values()) if type(_loader(each)) is SourceFileLoader)
+        return frozenset(str(getattr(each, "__file__", "")) for each in loaded)
+
+
+def _loader(module: object) -> object:
+    return getattr(module, "__loader__", None)
+
+
+def _compiled_copy(file: str) -> list[CodeType]:
+    """Return the code in the compiled copy of a source that was loaded before anybody listened, none without one."""
+    try:
+        data, its = Path(cache_from_source(file)).read_bytes(), os.stat(file)  # noqa: PTH116 - by the name as it is
+    except (OSError, NotImplementedError, ValueError):
+        return []
+    flags = int.from_bytes(data[4:8], "little")
+    stamp = int(its.st_mtime).to_bytes(8, "little")[:4] + its.st_size.to_bytes(8, "little")[:4]
+    if data[:4] != MAGIC_NUMBER or (not flags and data[8:_HEADER] != stamp):
+        return []
+    found = marshal.loads(data[_HEADER:])  # noqa: S302 - what Python executed before
+    return [found] if isinstance(found, CodeType) else []
+
+
+def _are_of(codes: Iterable[CodeType], source: bytes, file: str) -> bool:
+    """Return whether codes are what Python makes of a source."""
+    try:
+        due = compile(source, file, "exec", dont_inherit=True)
+    except (SyntaxError, ValueError):
+        return False
+    return all(code == due or _essence(code) == _essence(due) for code in codes)
+
+
+def _essence(value: object) -> object:
+    """Return what two equal codes have alike; what the interpreter learned of one while it ran is left out."""
+    if isinstance(value, CodeType):
+        counts = (value.co_argcount, value.co_posonlyargcount, value.co_kwonlyargcount, value.co_flags)
+        names = (value.co_name, value.co_names, value.co_varnames, value.co_freevars, value.co_cellvars)
+        return (counts, names, value.co_code, value.co_exceptiontable, tuple(map(_essence, value.co_consts)))
+    if isinstance(value, tuple):
+        return tuple(map(_essence, value))
+    return (type(value), sorted(map(repr, value)) if isinstance(value, frozenset) else repr(value))
+
+
+@cache
+def _needed() -> frozenset[str]:
+    """Return the names of hil and of every package that it needs, as `Installed.name_of` gives them."""
+    found: set[str] = set()
+    waiting = [_PRODUCT]
+    while waiting:
+        name = waiting.pop()
+        if name in found:
+            continue
+        found.add(name)
+        try:
+            required = metadata.requires(name) or ()
+        except metadata.PackageNotFoundError:
+            continue
+        waiting += [_plain(each) for each in required if "extra ==" not in each]
+    return frozenset(found)
+
+
+def _plain(requirement: str) -> str:
+    name = re.match(r"[A-Za-z0-9._-]+", requirement)
+    return re.sub(r"[-_.]+", "-", name[0]).lower() if name else ""

@@ -1,0 +1,197 @@
+"""What a run executed is compared with what was installed: also what came late, and what a compiled copy says."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import importlib
+import os
+import py_compile
+import sys
+from importlib import metadata
+from importlib.util import cache_from_source
+
+import pytest
+from evidence_runs import SOFTWARE, run_fields
+from typed_events import event_of
+
+from hil.documents.canonical import canonical, parse_strict
+from hil.documents.snapshot import Snapshot
+from hil.evidence import events
+from hil.evidence.events.codec import convert
+from hil.evidence.results.eligibility import of_run
+from hil.evidence.results.facts import Facts
+from hil.evidence.results.software import FrozenSoftware
+from hil.evidence.state import fold
+from hil.executive.setup import auditing, executed, other_code
+from hil.executive.setup.executed import Executed
+from hil.model.identity import Source
+
+LATE = "LEVEL = 1.0\n\n\ndef level():\n    return LEVEL\n"
+FALSE = LATE.replace("1.0", "2.0")
+TWIN = "late_dmm/late.py of late-dmm 1.2"
+
+
+class Inputs:
+    """A workspace in which nothing is frozen."""
+
+    def __init__(self, root):
+        self.root = root
+        self.snapshot = Snapshot()
+
+    def shown(self, path):
+        """Return a path in the workspace."""
+        return path.relative_to(self.root).as_posix()
+
+
+@pytest.fixture
+def package(tmp_path, monkeypatch):
+    """Install a package that nobody needs, and return the module that it would import late."""
+    auditing.begin()
+    monkeypatch.setattr(auditing, "_executed", [])
+    folder = tmp_path / "site-packages"
+    late = folder / "late_dmm/late.py"
+    late.parent.mkdir(parents=True)
+    late.write_text(LATE, encoding="utf-8")
+    (late.parent / "__init__.py").touch()
+    info = folder / "late_dmm-1.2.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: late-dmm\nVersion: 1.2\n", encoding="utf-8")
+    record(folder)
+    monkeypatch.syspath_prepend(folder)
+    only = list(metadata.Distribution.discover(path=[str(folder)]))
+    monkeypatch.setattr(other_code.metadata, "distributions", lambda: only)
+    monkeypatch.setattr(executed, "of_no_package", lambda *_: [])
+    monkeypatch.setattr(executed, "other_packages", tuple)
+    other_code._owners.cache_clear()
+    yield late
+    for name in [name for name in sys.modules if name.startswith("late_dmm")]:
+        del sys.modules[name]
+    other_code._owners.cache_clear()
+
+
+def record(folder):
+    """Write the RECORD of the package, as installers do."""
+    names = ("late_dmm/__init__.py", "late_dmm/late.py")
+    digests = {name: hashlib.sha256((folder / name).read_bytes()).digest() for name in names}
+    lines = [f"{name},sha256={base64.urlsafe_b64encode(its).rstrip(b'=').decode()},1" for name, its in digests.items()]
+    (folder / "late_dmm-1.2.dist-info/RECORD").write_text("\n".join([*lines, ""]), encoding="utf-8")
+
+
+def compared(tmp_path, monkeypatch, act):
+    """Return the packages and problems that are told of what is executed while `act` runs."""
+    root = tmp_path / "own"
+    root.mkdir()
+    monkeypatch.setattr(executed, "product_source", dict)
+    modules = {name: module for name, module in sys.modules.items() if name.startswith("late_dmm")}
+    found = Executed(Inputs(root), modules)
+    assert found.new_problems() == ()
+    act()
+    return found.packages(), found.new_problems()
+
+
+def test_a_late_import_is_named_and_compared(package, tmp_path, monkeypatch):
+    """It is as its package has it: the package is named, and nothing is wrong."""
+    told = compared(tmp_path, monkeypatch, lambda: importlib.import_module("late_dmm.late"))
+    assert told == (("late-dmm 1.2",), ())
+
+
+def test_a_late_import_that_was_changed_is_told(package, tmp_path, monkeypatch):
+    """Nobody looked at it when the run began: only what offered something was compared."""
+    package.write_text(FALSE, encoding="utf-8")
+    _, problems = compared(tmp_path, monkeypatch, lambda: importlib.import_module("late_dmm.late"))
+    assert problems == (f"{TWIN} is not as it was installed",)
+
+
+def test_a_late_module_that_hides_afterwards_is_told(package, tmp_path, monkeypatch):
+    """The interpreter tells what it executes, whatever the modules of the process are by then."""
+    package.write_text(f"{FALSE}\nimport sys\ndel sys.modules['late_dmm.late']\n", encoding="utf-8")
+
+    def hidden():
+        with pytest.raises((KeyError, ImportError)):
+            importlib.import_module("late_dmm.late")
+
+    _, problems = compared(tmp_path, monkeypatch, hidden)
+    assert problems == (f"{TWIN} is not as it was installed",)
+
+
+@pytest.mark.parametrize("before", [False, True], ids=["heard", "loaded before"])
+def test_a_compiled_copy_of_another_source_is_told(package, tmp_path, monkeypatch, before):
+    """Its time and size are those of the source, so that Python believes it."""
+    times = package.stat().st_atime_ns, package.stat().st_mtime_ns
+    package.write_text(FALSE, encoding="utf-8")
+    os.utime(package, ns=times)
+    py_compile.compile(str(package), cache_from_source(str(package)), doraise=True)
+    package.write_text(LATE, encoding="utf-8")
+    os.utime(package, ns=times)
+
+    def late():
+        assert importlib.import_module("late_dmm.late").level() == 2.0
+
+    if before:
+        late()
+        root = tmp_path / "own"
+        root.mkdir()
+        monkeypatch.setattr(executed, "product_source", dict)
+        monkeypatch.setattr(auditing, "_executed", [])
+        found = Executed(Inputs(root), {"late_dmm.late": sys.modules["late_dmm.late"]})
+        problems = found.new_problems()
+    else:
+        _, problems = compared(tmp_path, monkeypatch, late)
+    told = (
+        "late_dmm/late.py was executed otherwise than its source says, such as from a compiled copy of another source"
+    )
+    assert problems == (told,)
+
+
+def test_code_that_ran_often_is_still_its_source(package, tmp_path, monkeypatch):
+    """The interpreter changes code while it runs; that is no difference."""
+
+    def often():
+        late = importlib.import_module("late_dmm.late")
+        for _ in range(100):
+            late.level()
+
+    assert compared(tmp_path, monkeypatch, often)[1] == ()
+
+
+def test_code_of_no_package_and_of_the_workspace_is_told(package, tmp_path, monkeypatch):
+    """A module beside everything, and one of the workspace that nobody froze."""
+    stray, own = tmp_path / "stray.py", tmp_path / "own/helper.py"
+
+    def both():
+        for path in (stray, own):
+            path.write_text("A = 1\n", encoding="utf-8")
+            exec(compile(path.read_text(), str(path), "exec"), {})  # noqa: S102 - as a loader does
+
+    _, problems = compared(tmp_path, monkeypatch, both)
+    assert sorted(problems) == [
+        "helper.py was executed, and was not frozen",
+        f"{tmp_path.name}/stray.py was executed, and is of no installed package",
+    ]
+
+
+def test_what_the_product_needs_is_not_named():
+    """But by its version, in the list of all packages."""
+    needed = executed._needed()
+    assert {"hil", "numpy", "msgspec", "pytest", "pluggy"} <= needed
+    assert "hypothesis" not in needed
+
+
+def judged(*told, format_=3, source=Source.HARDWARE):
+    """Return the condition about what ran: texts and whether they are proven."""
+    run = {"source": source, "purpose": "acceptance", "operator": "Ada"}
+    software = convert(parse_strict(canonical({**SOFTWARE, "format": format_})), FrozenSoftware, "software")
+    state = fold((event_of("run", **(run_fields() | run)), *told))
+    found = of_run(state, Facts(catalogue={}, software=software))
+    return {each.text: each.proven for each in found if each.name == "executed"}
+
+
+def test_hardware_proves_what_ran():
+    """A problem that was told after any case is one, and so is a run that did not compare."""
+    last = events.Executed(packages=("late-dmm 1.2",), last=True)
+    assert judged(last) == {"the code that ran is as it was installed, that of late-dmm 1.2 included": True}
+    assert judged(events.Executed(problems=("a was changed",)), last) == {"a was changed": False}
+    missing = "the code that ran was not compared with what was installed when the run ended"
+    assert judged() == {missing: False}
+    assert judged(format_=2) == judged(source=Source.SIMULATED) == {}
