@@ -229,13 +229,15 @@ def _command(bench: Served) -> tuple[str, ...]:
     return (*named, "--served", str(bench.folder))
 
 
-def seconds_until(true: Callable[[], object], limit_s: float, what: str | Callable[[], str]) -> float:
-    """Wait until something is true and return after how many seconds it was."""
+def seconds_until(
+    true: Callable[[], object], limit_s: float, what: str | Callable[[], str], every_s: float = 0.01
+) -> float:
+    """Wait until something is true, looking so often, and return after how many seconds it was."""
     began = time.monotonic()
     while not true():
         if time.monotonic() - began > limit_s:
             raise AssertionError(f"{what() if callable(what) else what}: not within {limit_s:g} s")
-        time.sleep(0.01)
+        time.sleep(every_s)
     return time.monotonic() - began
 
 
