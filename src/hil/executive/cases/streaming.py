@@ -181,6 +181,7 @@ class StreamTurns:
         self._fetched_ns = FOREVER_NS
         self._source = source
         self._role = role
+        self._tells_of_its_end = hasattr(role, "over")
         self._clock = clock
         self._rate = rate
         self._enough = enough
@@ -288,7 +289,7 @@ class StreamTurns:
     @property
     def over(self) -> bool | None:
         """Whether the device says that its test has ended; None for one that does not speak of it."""
-        return cast("Ending", self._role).over if hasattr(self._role, "over") else None
+        return cast("Ending", self._role).over if self._tells_of_its_end else None
 
 
 class SampledTurns:

@@ -62,6 +62,7 @@ class Monitoring:
         hear: hears of faults where there is no case; raises where the bench cannot be driven any more.
 
     Attributes:
+        watching: whether they run.
         case: hears when a monitor's device is silent or talks nonsense, None between cases.
         soonest_ns: before this instant none is due.
         bus: says when one may be read.
@@ -76,6 +77,7 @@ class Monitoring:
         hear: Callable[[InstrumentSpec, DeviceFault], None],
     ) -> None:
         self.all = list(monitors)
+        self.watching = False
         self.case: CaseAtWork | None = None
         self.soonest_ns = 0
         self.bus = Bus()
@@ -86,18 +88,19 @@ class Monitoring:
         self._hear = hear
 
     def restart(self) -> None:
-        """Start watching again."""
+        """Start watching, or start again."""
         for monitor in self.all:
             monitor.restart(self._clock.now_ns())
         self.soonest_ns = 0
+        self.watching = True
 
     def look_up_ns(self, when_ns: int, timeline: Timeline) -> int:
-        """Return when a wait until `when_ns` has to look up for one of them."""
-        return when_ns if self.soonest_ns > when_ns else timeline.look_up_ns(when_ns, self.all)
+        """Return when a wait until `when_ns` has to look up: for one of them, where a record has it, or at its end."""
+        return when_ns if self.soonest_ns > when_ns else timeline.look_up_ns(when_ns, self.all if self.watching else ())
 
     def run(self, until_ns: int, timeline: Timeline) -> None:
-        """Run those whose turn it is before `until_ns`."""
-        if self.soonest_ns > until_ns + self.bus.lead_ns:
+        """Run those whose turn it is before `until_ns`, if they are to run."""
+        if not self.watching or self.soonest_ns > until_ns + self.bus.lead_ns:
             return
         name = MONITOR if self._clock.now_ns() < until_ns else OVERDUE
         for monitor in timeline.due(self.all, until_ns, name, self.bus):
@@ -152,7 +155,7 @@ class Monitoring:
             self._tell(monitor, NoReply(instrument.name, f"{lasted}, asked for more than once", "check its line"))
 
     def _silences(self) -> int:
-        return sum(port.silences for port in self._bench.ports)
+        return sum([port.silences for port in self._bench.ports])
 
     def _tell(self, monitor: Monitor, fault: DeviceFault) -> None:
         """Tell the present case: what it records in the meantime has a gap that is the bench's, not the DUT's."""

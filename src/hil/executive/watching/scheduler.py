@@ -94,7 +94,6 @@ class Scheduler:
         self.overdue = ""
         self._trip: Trip | None = None
         self.lost: Distress | None = None
-        self._watching = False
         self._beside: list[Beside] = []
         self.feeds = Feeds()
         self.monitoring = Monitoring(bench, monitors, reports, self._trip_once, self.hear)
@@ -109,19 +108,18 @@ class Scheduler:
     @property
     def watching(self) -> bool:
         """Whether the monitors run."""
-        return self._watching
+        return self.monitoring.watching
 
     @property
     def fresh_until_ns(self) -> int | None:
         """Bench time up to which what the monitors know is good, None while they do not run."""
-        if not self._watching:
+        if not self.watching:
             return None
         return min((each.good_until_ns for each in self.monitoring.all), default=self.now_ns() + _UNWATCHED_NS)
 
     def watch_from_now(self) -> None:
         """Begin to run the monitors."""
         self.monitoring.restart()
-        self._watching = True
 
     @property
     def patience_s(self) -> float | None:
@@ -130,7 +128,7 @@ class Scheduler:
 
     def rest(self) -> None:
         """Stop running the monitors."""
-        self._watching = False
+        self.monitoring.watching = False
 
     def now_ns(self) -> int:
         """Return the bench's time."""
@@ -149,7 +147,7 @@ class Scheduler:
             if self._beside:
                 self._take_turns(now_ns, None)
                 now_ns = self.clock.now_ns()
-            self._run_monitors(now_ns)
+            self.monitoring.run(now_ns, self.timeline)
 
     def sleep(self, seconds: float) -> None:
         """Let `seconds` of bench time pass."""
@@ -160,7 +158,7 @@ class Scheduler:
     def wait_until(self, when_ns: int, done: Callable[[], bool] | None = None) -> None:
         """Let bench time pass until `when_ns`, or until `done` says so after a turn beside the case."""
         self._look()
-        if not self._take_turns(when_ns, done) and not self._pass(when_ns) and self._watching:
+        if not self._take_turns(when_ns, done) and not self._pass(when_ns):
             self.monitoring.run_late(when_ns, self.timeline)
 
     def begin_beside(self, beside: Beside) -> None:
@@ -179,10 +177,10 @@ class Scheduler:
 
     def share(self, pace: Pace) -> Share:
         """Return what a recording leaves of the bus, whose first sample is due now; see `Monitoring.run_before`."""
-        if self._watching:
+        if self.watching:
             self._look()
             self.monitoring.run_before(pace, self.timeline)
-        return Share(pace, self.now_ns(), self.monitoring.all if self._watching else ())
+        return Share(pace, self.now_ns(), self.monitoring.all if self.watching else ())
 
     def feed(self, fed: Fed, every_s: float, recording: str) -> Feed:
         """Return what judges a recording's rows. See `Feed`."""
@@ -196,7 +194,7 @@ class Scheduler:
         Raises:
             Tripped: a row is outside for the last time that the limit allows; the bench was made safe.
         """
-        if self._watching and (trip := feed.judge(rows, self.clock.now_ns())):
+        if self.watching and (trip := feed.judge(rows, self.clock.now_ns())):
             self._make_safe(trip)
 
     def unfeed(self, feed: Feed) -> None:
@@ -215,9 +213,9 @@ class Scheduler:
             if held_up is not None:
                 self._blame(held_up)
                 continue
-            if self._beside and self._watching:
+            if self._beside and self.watching:
                 self._take_turns(self.clock.now_ns(), None)
-            self._run_monitors(self.clock.now_ns())
+            self.monitoring.run(self.clock.now_ns(), self.timeline)
 
     def busy(self, seconds: float) -> None:
         """Note that a case's own code let nobody look after the bench for so many seconds, with outputs on."""
@@ -255,7 +253,7 @@ class Scheduler:
         self.stood_since, self.overdue = wall.monotonic(), ""
         self.refused = 0
         self.monitoring.case = case
-        if not self._watching:  # the bench was made safe under the case before
+        if not self.watching:  # the bench was made safe under the case before
             self.watch_from_now()
 
     def put_off(self, passed_ns: int) -> None:
@@ -301,10 +299,11 @@ class Scheduler:
                 return False
             if not (waited := self._pass(due_ns)):
                 self._look()
-            with self.monitoring.bus.used_for(beside.what, self.clock):
-                beside.take()  # first of all: what waits there may be what a monitor misses
+            began_ns = self.clock.now_ns()
+            beside.take()  # first of all: what waits there may be what a monitor misses
+            self.monitoring.bus.note(beside.what, began_ns, self.clock.now_ns())
             if not waited:
-                self._run_monitors(self.clock.now_ns())
+                self.monitoring.run(self.clock.now_ns(), self.timeline)
             if done is not None and done():
                 return True
         return False
@@ -314,10 +313,8 @@ class Scheduler:
         if self.clock.now_ns() >= when_ns:
             return False
         while True:
-            turn_ns = when_ns
-            if self.monitoring.soonest_ns <= when_ns + self.monitoring.bus.lead_ns:
-                self._run_monitors(when_ns)
-                turn_ns = self._look_up_ns(when_ns)
+            self.monitoring.run(when_ns, self.timeline)
+            turn_ns = self.monitoring.look_up_ns(when_ns, self.timeline)
             self.clock.wait_until(self.timeline.longest_ns(turn_ns))
             self._look()
             if self.clock.now_ns() >= when_ns:
@@ -354,7 +351,7 @@ class Scheduler:
         self.flags.check()
         if self._trip:
             raise Tripped(self._trip.text, "the bench was made safe and stays so for the rest of the run")
-        if self._watching and (distress := self.timeline.distress()):
+        if self.monitoring.watching and (distress := self.timeline.distress()):
             if distress.what:
                 self.lose(distress)
                 raise Stopped(distress.reason)
@@ -375,16 +372,6 @@ class Scheduler:
             self._reports.safe()
         if self.refused > _MOST_REFUSALS:
             self._reports.give_up()
-
-    def _look_up_ns(self, when_ns: int) -> int:
-        """Return when this wait has to look up: at a monitor's turn, or where a record has it, or at its end."""
-        if self._watching:
-            return self.monitoring.look_up_ns(when_ns, self.timeline)
-        return self.timeline.look_up_ns(when_ns, ())
-
-    def _run_monitors(self, until_ns: int) -> None:
-        if self._watching:
-            self.monitoring.run(until_ns, self.timeline)
 
     def _blame(self, held_up: HilError) -> None:
         if self.monitoring.case is not None:

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from array import array
 from collections import deque
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
 from statistics import median_low
 
 from hil.bench.envelope import Monitor
-from hil.clock.port import NANOSECONDS, Clock
+from hil.clock.port import NANOSECONDS
 
 __all__ = ["Bus", "Course", "Pace", "Share", "refusal"]
 
@@ -178,13 +177,6 @@ class Bus:
         if ended_ns > began_ns:
             self._uses.append((began_ns, ended_ns, what))
 
-    @contextmanager
-    def used_for(self, what: str, clock: Clock) -> Iterator[None]:
-        """Note what takes the time of this block."""
-        began_ns = clock.now_ns()
-        yield
-        self.note(what, began_ns, clock.now_ns())
-
     def between(self, began_ns: int, ended_ns: int) -> str:
         """Return what took the most time between two instants, empty if nothing did that is known."""
         taken: dict[str, int] = {}
@@ -209,9 +201,12 @@ class Bus:
 
     def room(self, monitor: Monitor, now_ns: int, until_ns: int) -> bool:
         """Return whether a monitor takes its turn now, in a wait until `until_ns`; at that instant nothing waits."""
-        due, fits = now_ns >= monitor.due_ns, until_ns - now_ns >= monitor.room_ns
+        due = now_ns >= monitor.due_ns
+        if not (due or self.shares):
+            return False
+        fits = until_ns - now_ns >= monitor.room_ns
         if not self.shares:
-            return due and (fits or now_ns >= monitor.overdue_ns)
+            return fits or now_ns >= monitor.overdue_ns
         if fits and (due or any(each.fits_early(monitor, until_ns) for each in self.shares)):
             return True
         return all(each.admits(monitor, now_ns) for each in self.shares)
@@ -219,7 +214,7 @@ class Bus:
     @property
     def lead_ns(self) -> int:
         """How much sooner than they are due monitors may take their turns."""
-        return max((each.lead_ns for each in self.shares), default=0)
+        return max([each.lead_ns for each in self.shares]) if self.shares else 0
 
 
 class Course:

@@ -164,7 +164,8 @@ class OnBench:
     def look_up_ns(self, when_ns: int, monitors: Sequence[Monitor]) -> int:
         """Return when the next one is due that has room before `when_ns`: now, if that passed during a reading."""
         now_ns = self._clock.now_ns()
-        turns = [(max(now_ns, monitor.due_ns), monitor.room_ns) for monitor in monitors]
+        near = [monitor for monitor in monitors if monitor.due_ns <= when_ns]
+        turns = [(max(now_ns, monitor.due_ns), monitor.room_ns) for monitor in near]
         return min([due_ns for due_ns, room_ns in turns if due_ns <= when_ns - room_ns], default=when_ns)
 
     def longest_ns(self, when_ns: int) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Callable, Mapping
 
 __all__ = ["NoSuchParameter", "Requests"]
@@ -54,8 +55,8 @@ class Requests:
         start, count = _words(data, 2)
         if not 1 <= count <= _MOST_REGISTERS:
             raise _Bad(count)
-        words = b"".join((self._read(start + place) & 0xFFFF).to_bytes(2, "big") for place in range(count))
-        return bytes((len(words),)) + words
+        words = [self._read(address) & 0xFFFF for address in range(start, start + count)]
+        return struct.pack(f">B{count}H", 2 * count, *words)
 
     def _write_one(self, data: bytes) -> bytes:
         address, value = _words(data, 2)
@@ -79,7 +80,7 @@ class Requests:
 def _words(data: bytes, count: int) -> tuple[int, ...]:
     if len(data) != 2 * count:
         raise _Bad(data)
-    return tuple(int.from_bytes(data[place : place + 2], "big") for place in range(0, len(data), 2))
+    return struct.unpack(f">{count}H", data)
 
 
 def _signed(word: int) -> int:
