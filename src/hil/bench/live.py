@@ -14,7 +14,8 @@ from hil.bench.connections import server_of
 from hil.bench.port_identity import WrongPort, is_serial_device, port_gates
 from hil.bench.serving import ends_of
 from hil.clock.live import LiveClock
-from hil.model.bench import BenchSpec
+from hil.instruments.wrapped import hosted_port, is_wrapped
+from hil.model.bench import BenchSpec, InstrumentSpec
 from hil.model.errors import HilError, Refused
 from hil.model.identity import Source
 from hil.model.serial_line import SerialLine
@@ -180,7 +181,7 @@ def _open(spec: BenchSpec, reach: Reach, brake: Brake, *, by_force: bool = False
         for name, url in reach.ports.items():
             item = spec.instrument(name)
             line = item.serial_line if reach.source is Source.HARDWARE else None  # a pseudo-terminal has no such thing
-            opened = end(name, partial(_stream, name, url, item.baud, line, alone=not by_force))
+            opened = end(name, partial(_stream, item, url, reach.source, line, alone=not by_force))
             ends[name] = opened if isinstance(opened, Unreachable) else Braked(opened, brake)
         for name, path in reach.buses.items():
             ends[name] = end(name, partial(hardware_bus, name, path))
@@ -190,16 +191,18 @@ def _open(spec: BenchSpec, reach: Reach, brake: Brake, *, by_force: bool = False
     return ends
 
 
-def _stream(name: str, url: str, baud: int, line: SerialLine | None, *, alone: bool) -> FarEnd:
+def _stream(item: InstrumentSpec, url: str, source: Source, line: SerialLine | None, *, alone: bool) -> FarEnd:
     from hil.wire.line_stream import LineStream, port_of  # noqa: PLC0415 - same
     from hil.wire.live_stream import LiveStream  # noqa: PLC0415 - what it imports exists on Linux only
     from hil.wire.visa import VisaStream  # noqa: PLC0415 - same
 
+    if source is Source.HARDWARE and is_wrapped(item):
+        return LineStream(hosted_port(item, url))
     if kind_of(url) is PortKind.VISA:
-        return VisaStream(name, url, baud)
+        return VisaStream(item.name, url, item.baud)
     if kind_of(url) in {PortKind.RFC2217, *MESSAGES}:
-        return LineStream(port_of(name, url, baud, line))
-    return LiveStream(name, url, baud, line, alone=alone)
+        return LineStream(port_of(item.name, url, item.baud, line))
+    return LiveStream(item.name, url, item.baud, line, alone=alone)
 
 
 def require_boards(spec: BenchSpec, reach: Reach) -> None:

@@ -12,6 +12,7 @@ from hil.bench.bound import BoundBench
 from hil.bench.connections import server_of
 from hil.bench.gate import Gate
 from hil.bench.onboard import Uart, difference, uart_at
+from hil.instruments.wrapped import is_wrapped
 from hil.model.bench import BenchSpec, InstrumentSpec, OnboardPort, UsbPort
 from hil.model.errors import Refused
 from hil.model.identity import Identity, Source
@@ -182,7 +183,21 @@ def source_gates(spec: BenchSpec, keys: Callable[[str], Iterable[str]] = keys_of
             exception = f"{port} is on this computer and stands for hardware: {reason}" if reason else ""
             source = Source.HARDWARE if reason else Source.SIMULATED
             detail = exception or f"{port} is on this computer, and the bench file does not say why it is hardware"
-        yield Gate(name, ok=True, detail=detail, instrument=instrument.name, source=source, exception=exception)
+        unseen, accepted = _unseen(instrument)
+        told = "; ".join(filter(None, (exception, accepted)))
+        yield Gate(
+            name, ok=True, detail=detail, instrument=instrument.name, unproven=unseen, source=source, exception=told
+        )
+
+
+def _unseen(instrument: InstrumentSpec) -> tuple[str, str]:
+    """Return what it leaves open that nobody saw the bytes, or why the bench file accepts that."""
+    if not is_wrapped(instrument):
+        return "", ""
+    fact = "its bytes were not seen, only the calls of its vendor's driver"
+    if instrument.bytes_unseen:
+        return "", f"{fact}: {instrument.bytes_unseen}"
+    return f"{instrument.name}: {fact}, and the bench file does not say why that is accepted", ""
 
 
 def _way_to(spec: BenchSpec, instrument: InstrumentSpec) -> tuple[str, str]:
@@ -201,7 +216,7 @@ def strangers_on_network(bench: BoundBench) -> dict[str, str]:
     """
     found: dict[str, str] = {}
     for instrument in bench.spec.instruments:
-        if kind_of(instrument.port) in {PortKind.SOCKET, PortKind.RFC2217, *MESSAGES}:
+        if is_wrapped(instrument) or kind_of(instrument.port) in {PortKind.SOCKET, PortKind.RFC2217, *MESSAGES}:
             with suppress(Exception):  # what a driver makes of nonsense is no other instrument's identity
                 found[instrument.name] = difference_of(instrument.identity, bench.drivers[instrument.name].identify())
     return {name: detail for name, detail in found.items() if detail}

@@ -182,6 +182,7 @@ class InstrumentSpec:
         terminator: what ends a line of text, both ways; empty for what the driver takes by itself.
         timeout_s: how long a reply may take [s]; 0 for what the driver takes by itself.
         stands_for_hardware: why a port on this computer's own network is hardware; every report of a run tells it.
+        bytes_unseen: why it is accepted that nobody saw the bytes of a wrapped instrument; every report tells it.
     """
 
     name: str = field(default="", metadata=NAMED)
@@ -202,6 +203,7 @@ class InstrumentSpec:
     terminator: Annotated[str, one_of(*TERMINATORS)] = ""
     timeout_s: Annotated[float, seconds(above=0.0)] = field(default=0.0, metadata={"alias": "timeout"})
     stands_for_hardware: AnyText = ""
+    bytes_unseen: AnyText = ""
 
     @property
     def line_end(self) -> bytes:

@@ -62,11 +62,12 @@ class GuardedPort:
     Attributes:
         device: the instrument's name.
         url: a path of a device, `socket://host:port`, `rfc2217://host:port`, `hislip://host:port/name`,
-            `vxi11://host/name` or `usbtmc://vendor:product:serial`; empty if it must not be reopened, such as that of
-            a board which a rising DTR resets.
+            `vxi11://host/name`, `usbtmc://vendor:product:serial`, or `hosted://module:name/place`, which starts a
+            vendor's driver; empty if it must not be reopened, such as that of a board which a rising DTR resets.
         baud: of a serial device.
         line: how a serial device is set.
-        speaks: what its bytes are wrapped in: Telnet at `rfc2217://`, or one of three ways to carry messages.
+        speaks: what its bytes are wrapped in: Telnet at `rfc2217://`, one of three ways to carry messages, or calls of
+            a vendor's driver.
         apart: whether the descriptor that is passed carries no byte of it, because a library of others has opened the
             port for the run. The guardian opens it by itself then, beside the run.
     """
@@ -75,7 +76,7 @@ class GuardedPort:
     url: str = ""
     baud: int = 0
     line: SerialLine = field(default_factory=SerialLine)
-    speaks: Literal["", "telnet", "usbtmc", "hislip", "vxi11"] = ""
+    speaks: Literal["", "telnet", "usbtmc", "hislip", "vxi11", "hosted"] = ""
     apart: bool = False
 
 

@@ -17,7 +17,7 @@ from pathlib import Path
 from threading import Thread
 
 from hil.wire.held_names import hold_name, names_held, short
-from hil.wire.opening import NETWORK, VISA_LAN, VISA_USB, bare, url_of_resource
+from hil.wire.opening import NETWORK, VENDOR, VISA_LAN, VISA_USB, bare, url_of_resource
 
 __all__ = ["LOOPBACK", "SERVED", "announce_served", "keys_of", "keys_of_served", "keys_of_this_port"]
 
@@ -63,7 +63,7 @@ def keys_of(
         found = _network(match["host"], [match["name"].lower()], resolve or _addresses)
     elif "::" in url and not is_url:
         found = iter([url.upper()])
-    elif is_url:
+    elif is_url or port.startswith(VENDOR):
         found = iter([])
     else:
         found = _device(real_path(url), system)

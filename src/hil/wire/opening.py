@@ -20,6 +20,7 @@ from hil.wire.transcript import Transcript
 __all__ = [
     "MESSAGES",
     "NETWORK",
+    "VENDOR",
     "VISA_LAN",
     "VISA_USB",
     "PortKind",
@@ -59,6 +60,7 @@ class PortKind(StrEnum):
     VXI11 = "vxi-11"
     HISLIP = "hislip"
     VISA = "visa"
+    VENDOR = "a vendor's driver"
     OTHER = "other"
 
 
@@ -66,6 +68,8 @@ MESSAGES = (PortKind.USBTMC, PortKind.HISLIP, PortKind.VXI11, PortKind.VISA)
 """Kinds of ports that carry whole messages, as SCPI instruments take them."""
 
 _BY_VISA = "visa:"
+VENDOR = "vendor:"
+"""How a place begins that only a vendor's driver understands."""
 
 
 def bare(port: str) -> str:
@@ -85,6 +89,8 @@ def kind_of(port: str) -> PortKind:
     """
     if bare(port) != port:
         return PortKind.VISA
+    if port.startswith(VENDOR):
+        return PortKind.VENDOR
     where = url_of_resource(port)
     scheme, separator, _ = where.partition("://")
     if separator:
@@ -128,8 +134,9 @@ def why_not_opened(port: str) -> str:
     pyserial knows more schemes, and they go past every check of who is at a port: `alt://`, `hwgrep://` and `spy://`
     lead to serial devices by another name, `spy://` writes files, and at `loop://` there is nobody.
     """
-    if bare(port) != port:
-        return "" if _BY_PYVISA.match(bare(port)) else f"'{port}' does not look like visa:USB0::…::INSTR, {_VISA_NAMES}"
+    if kind_of(port) in {PortKind.VENDOR, PortKind.VISA}:
+        known = port.startswith(VENDOR) or _BY_PYVISA.match(bare(port))
+        return "" if known else f"'{port}' does not look like visa:USB0::…::INSTR, {_VISA_NAMES}"
     url = url_of_resource(port)
     scheme, is_url, place = url.partition("://")
     if not is_url and "::" in port:

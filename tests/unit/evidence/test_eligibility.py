@@ -61,6 +61,7 @@ def test_a_run_that_proves_everything_can_close(proven):
         ("gate", {"name": "other"}, "the bench has no envelope"),
         ("gate", {"instrument": ""}, "it was not asked who psu1 is"),
         ("host-gate", {"instrument": ""}, "it is not known what is at the port of psu1"),
+        ("host-gate", {"unproven": "psu1: its bytes were not seen"}, "psu1: its bytes were not seen"),
         ("host-gate", {"ok": False, "detail": "gone"}, "readiness gate source of psu1: gone"),
         ("host-gate", {"source": Source.SIMULATED}, "SIMULATED: psu1"),
     ],

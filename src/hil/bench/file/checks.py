@@ -12,6 +12,7 @@ from hil.documents.declared import Document
 from hil.documents.findings import Findings
 from hil.instruments.driver import ServesBus
 from hil.instruments.registry import DRIVERS, ROLES
+from hil.instruments.wrapped import is_wrapped
 from hil.model.bench import BenchSpec, Bus, InstrumentSpec, Wire
 from hil.model.notation import Path
 from hil.wire.keys import keys_of_this_port
@@ -93,12 +94,16 @@ def _ports(spec: BenchSpec) -> Complaints:
 
 
 def _where(item: InstrumentSpec) -> str:
-    return {PortKind.USBTMC: "at USB", PortKind.VISA: "at a VISA name"}.get(kind_of(item.port), "on a network")
+    return {
+        PortKind.USBTMC: "at USB",
+        PortKind.VENDOR: "where its vendor's driver finds it",
+        PortKind.VISA: "at a VISA name",
+    }.get(kind_of(item.port), "on a network")
 
 
 def _is_on_network(item: InstrumentSpec) -> bool:
     scheme, is_url, _ = url_of_resource(item.port).partition("://")
-    return (bool(is_url) and scheme in NETWORK) or kind_of(item.port) in MESSAGES
+    return is_wrapped(item) or (bool(is_url) and scheme in NETWORK) or kind_of(item.port) in MESSAGES
 
 
 def _buses(spec: BenchSpec) -> Complaints:

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from hil.bench.file.complaints import Complaints, named
 from hil.instruments.driver import ANY_BYTE, TERMINATED, offers
 from hil.instruments.registry import DRIVERS
+from hil.instruments.wrapped import is_wrapped
 from hil.model.bench import BenchSpec, InstrumentSpec
 from hil.model.notation import Path
 from hil.wire.opening import MESSAGES, PortKind, bare, kind_of
@@ -49,7 +50,8 @@ def settings(spec: BenchSpec) -> Complaints:
         where = _spoken(item)
         if item.port and kind_of(item.port) is PortKind.OTHER:
             continue  # no such port is opened; that is told where it is read
-        if not (item.port and kind_of(item.port) in _SERIAL):
+        yield from _wrapped(path, item)
+        if not is_wrapped(item) and not (item.port and kind_of(item.port) in _SERIAL):
             by_visa = bool(item.port) and kind_of(bare(item.port)) is PortKind.SERIAL  # sets the speed of a line alone
             given = {"baud": item.baud != 0 and not by_visa, "serial_line": item.serial_line is not None}
             for key in (key for key, is_given in given.items() if is_given):
@@ -64,6 +66,19 @@ def settings(spec: BenchSpec) -> Complaints:
         yield from _fixed(path, item)
 
 
+def _wrapped(path: Path, item: InstrumentSpec) -> Complaints:
+    """Complain about what a vendor's driver decides by itself, and about what is for such a driver alone."""
+    if is_wrapped(item):
+        given = {"baud": item.baud != 0, "serial_line": item.serial_line is not None}
+        for key in (key for key, is_given in given.items() if is_given):
+            yield (*path, key), f"{item.name} is opened by its vendor's driver, which sets its {key} itself"
+        return
+    if item.bytes_unseen:
+        yield (*path, "bytes_unseen"), f"the bytes of {item.name} are seen: {item.driver} is no wrapped driver"
+    if item.port and kind_of(item.port) is PortKind.VENDOR:
+        yield (*path, "port"), f"{item.driver} is no wrapped driver, and cannot open '{item.port}'"
+
+
 def _fixed(path: Path, item: InstrumentSpec) -> Complaints:
     """Complain about what the protocol of a driver fixes, or cannot live with."""
     driver, line = DRIVERS.find(item.driver), item.serial_line
@@ -71,7 +86,7 @@ def _fixed(path: Path, item: InstrumentSpec) -> Complaints:
         return
     if item.terminator and not item.bus and not offers(driver, TERMINATED):
         yield (*path, "terminator"), f"the protocol of {item.driver} fixes what ends a message: leave terminator out"
-    if item.port and kind_of(item.port) in MESSAGES and not offers(driver, TERMINATED):
+    if item.port and kind_of(item.port) in MESSAGES and not (offers(driver, TERMINATED) or is_wrapped(item)):
         yield (
             (*path, "port"),
             f"{item.driver} does not talk in messages, as a port of kind {kind_of(item.port)} takes them",

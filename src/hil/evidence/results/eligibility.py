@@ -251,6 +251,8 @@ def _identities(used: Mapping[str, str], state: RunState) -> Iterator[Condition]
         yield _identity(name, seen)
         if source == Source.HARDWARE and not any(gate.instrument == name for gate in state.host_gates):
             yield condition("port", False, f"it is not known what is at the port of {name}")
+        left = [gate.unproven for gate in state.host_gates if gate.instrument == name and gate.unproven]
+        yield from (condition("bytes", False, each) for each in dict.fromkeys(left))
 
 
 def _identity(name: str, seen: Sequence[Gate]) -> Condition:

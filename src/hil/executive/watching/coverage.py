@@ -11,6 +11,7 @@ from hil.bench.connections import can_harm
 from hil.guardian.latch import path_of
 from hil.instruments.registry import ROLES
 from hil.instruments.roles import SafeByBytes
+from hil.instruments.wrapped import hosted_port, is_wrapped
 from hil.model.bench import BenchSpec, InstrumentSpec, SafeStep
 from hil.model.errors import Refused
 from hil.model.identity import Source
@@ -78,7 +79,7 @@ def _guarded(bench: BoundBench, step: SafeStep) -> GuardedOutput | str:
     role, device = bench.roles[step.output], bench.spec.wire(step.output).instrument
     if not isinstance(role, SafeByBytes):
         return "gives no safe_bytes"
-    if why := why_not_shared(bench.where.get(device, "")):
+    if not is_wrapped(bench.spec.instrument(device)) and (why := why_not_shared(bench.where.get(device, ""))):
         return why
     if device not in bench.descriptors:
         return "has no port that the guardian could use"
@@ -123,6 +124,8 @@ def _uncovered(bench: BoundBench, cut: Sequence[CutOutput]) -> Iterator[str]:
 
 def _port(bench: BoundBench, instrument: InstrumentSpec) -> GuardedPort:
     """Return how the guardian may open a port again: not one that resets its device."""
+    if bench.source is Source.HARDWARE and is_wrapped(instrument):
+        return hosted_port(instrument, bench.where[instrument.name])
     resets = getattr(bench.drivers[instrument.name], "resets_on_open", False)
     line = instrument.serial_line if bench.source is Source.HARDWARE else None
     port = port_of(instrument.name, bench.where[instrument.name], instrument.baud, line)

@@ -13,6 +13,7 @@ from threading import Event
 
 from hil.guardian.ports.connection import connected
 from hil.guardian.ports.hislip import HISLIP_PORT, HiSlip
+from hil.guardian.ports.hosted import connected_to
 from hil.guardian.ports.line import Line
 from hil.guardian.ports.messages import MessageLine, Messenger
 from hil.guardian.ports.telnet import TelnetLine
@@ -63,6 +64,8 @@ def opened(port: GuardedPort, interrupt: Event | None = None) -> Line:
     """
     if port.url.startswith("socket://"):
         return Line(_connected(port.url), 0, interrupt)
+    if port.speaks == "hosted":
+        return Line(connected_to(port.url), 0, interrupt)
     if port.speaks in {"usbtmc", "hislip", "vxi11"}:
         return MessageLine(_messenger(port))
     if port.speaks == "telnet":

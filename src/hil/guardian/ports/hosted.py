@@ -1,0 +1,135 @@
+"""Vendors' drivers, each in a process of its own: a line of JSON calls an operation, another one tells the result.
+
+The process outlives whoever started it, as an instrument does, and listens as long as somebody has the other end of its
+connection: the run, and the guardian with a copy of it. So what the guardian sends is done also where the run hangs or
+is dead, and neither of them has to load what the vendor wrote. This file is the program, too.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import importlib
+import json
+import math
+import os
+import signal
+import socket
+import sys
+from collections.abc import Iterator
+from typing import Any
+
+__all__ = ["connected_to"]
+
+_SCHEME = "hosted://"
+_STARTS_S = 10.0
+_AT_ONCE = 65_536
+
+
+def connected_to(url: str) -> int:
+    """Start the process of a vendor's driver, and return the descriptor of its connection.
+
+    Args:
+        url: `hosted://module:name/place`: what makes the object, and what it is given.
+
+    Raises:
+        OSError: if it does not start, or the vendor's driver cannot open the instrument.
+    """
+    made_by, _, place = url.removeprefix(_SCHEME).partition("/")
+    mine, its = socket.socketpair()
+    with its:
+        os.posix_spawn(  # nobody waits for its end
+            sys.executable,
+            [sys.executable, "-P", os.path.realpath(__file__), made_by, place],
+            os.environ,
+            file_actions=[
+                (os.POSIX_SPAWN_DUP2, its.fileno(), 0),
+                (os.POSIX_SPAWN_OPEN, 1, os.devnull, os.O_WRONLY, 0),
+            ],
+            setsid=True,
+        )
+    mine.settimeout(_STARTS_S)
+    said = b""
+    try:
+        while not said.endswith(b"\n"):
+            came = mine.recv(_AT_ONCE)
+            if not came:
+                break
+            said += came
+        told = json.loads(said or b'{"error":"its process ended"}')
+    except OSError as error:
+        mine.close()
+        raise OSError(errno.ETIMEDOUT, f"{made_by} has not opened it after {_STARTS_S:g} s") from error
+    if "error" in told:
+        mine.close()
+        raise OSError(errno.EIO, f"{made_by}: {told['error']}")
+    mine.settimeout(None)
+    return mine.detach()
+
+
+def main(made_by: str, place: str) -> None:
+    """Make the object and serve it until nobody has the other end any more; the outputs stay as they are then."""
+    descriptor = os.dup(0)
+    os.dup2(1, 0)  # what the vendor's code reads or prints is no part of this
+    for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(each, signal.SIG_IGN)  # it ends with those whom it serves
+    with socket.socket(fileno=descriptor) as connection, contextlib.suppress(OSError):
+        module, _, name = made_by.partition(":")
+        try:
+            made = getattr(importlib.import_module(module), name)(place)
+        except Exception as error:  # noqa: BLE001 - whatever the vendor's driver raises is told
+            connection.sendall(_line({"error": _told(error)}))
+            return
+        connection.sendall(_line({"ready": True}))
+        for line in _lines(connection):
+            if reply := _answer(made, line):
+                connection.sendall(_line(reply))
+        with contextlib.suppress(Exception):
+            made.close()
+
+
+def _lines(connection: socket.socket) -> Iterator[bytes]:
+    ahead = b""
+    while came := connection.recv(_AT_ONCE):
+        *whole, ahead = (ahead + came).split(b"\n")
+        yield from whole
+
+
+def _answer(made: Any, line: bytes) -> dict[str, object]:  # noqa: ANN401 - the vendor's
+    """Do what a line asks for; half a line, which another one ended, is passed over."""
+    try:
+        asked = json.loads(line)
+        number, name = asked["number"], asked["call"]
+        arguments, channel = asked.get("arguments", {}), asked.get("channel", 0)
+    except (ValueError, LookupError, TypeError, AttributeError):
+        return {}
+    try:
+        on = made.channel(channel) if channel else made
+        return {"number": number, "result": _plain(getattr(on, name)(**arguments))}
+    except (TimeoutError, ConnectionError) as error:
+        return {"number": number, "silent": _told(error)}
+    except Exception as error:  # noqa: BLE001 - whatever the vendor's driver raises is told
+        return {"number": number, "error": _told(error)}
+
+
+def _told(error: BaseException) -> str:
+    return " ".join(f"{type(error).__name__}: {error}".split())
+
+
+def _plain(value: Any) -> Any:  # noqa: ANN401 - whatever the vendor's driver returns
+    """Return a result as JSON has it: a number that is none is null."""
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, dict):
+        return {str(key): _plain(each) for key, each in value.items()}
+    if isinstance(value, tuple | list):
+        return [_plain(each) for each in value]
+    return value
+
+
+def _line(value: dict[str, object]) -> bytes:
+    return json.dumps(value, sort_keys=True, separators=(",", ":"), default=float).encode() + b"\n"
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

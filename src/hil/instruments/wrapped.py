@@ -1,0 +1,259 @@
+"""Instruments that only a vendor's driver can reach: what wraps it fills a role, operation by operation.
+
+The vendor's code runs in a process of its own (`hil.guardian.ports.hosted`). What goes there and comes back is recorded
+in the place of bytes: calls and results, a line of JSON each. Nobody has seen the instrument's own bytes.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, ClassVar
+
+from hil.instruments import settings
+from hil.instruments.driver import Connection, Outlet
+from hil.instruments.registry import DRIVERS, ROLES
+from hil.instruments.role import Operation, Role
+from hil.instruments.safing import NUMBER, must_be_state, own_bounds
+from hil.instruments.sampled import Channel
+from hil.model.bench import InstrumentSpec, Proof, Wire
+from hil.model.errors import Garbled, NoReply, Refused, Rejected
+from hil.model.figure import Figure
+from hil.model.identity import Identity
+from hil.model.safing import Exchange, GuardedPort, SafeBytes
+from hil.wire.opening import VENDOR, bare
+
+__all__ = ["Wrapped", "WrappedOutput", "hosted_port", "is_wrapped"]
+
+_LONGEST_LINE = 65_536
+_MOST_STALE = 8
+_SAME = 1e-3
+
+
+class Wrapped:
+    """A driver whose instrument only a vendor's driver can reach.
+
+    Subclass it, and let an entry point of `hil.drivers` name the class.
+
+    Attributes:
+        roles: the roles that the instrument fills.
+        made_by: `module:name` of what makes the object that wraps the vendor's driver; it is called with the port as
+            the bench file has it, less `visa:` or `vendor:`, in a process of its own.
+        channels: the numbers of the instrument's channels; none where it has no channels.
+        quantities: those of the role that it reads; all of them where empty.
+    """
+
+    roles: ClassVar[frozenset[str]]
+    made_by: ClassVar[str]
+    channels: ClassVar[tuple[int, ...]] = ()
+    quantities: ClassVar[tuple[str, ...]] = ()
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
+        self._calls = 0
+
+    def identify(self) -> Identity:
+        """Ask for `identity`: manufacturer, model, serial and firmware, as far as the vendor's driver knows them."""
+        told = self.call("identity")
+        try:
+            return Identity(**{str(key): str(value) for key, value in told.items()})
+        except (TypeError, AttributeError) as error:
+            raise self._nonsense("identity", told) from error
+
+    def outlets(self) -> Sequence[Outlet]:
+        """Ask every channel for `enabled`, where the role has that."""
+        if not any("enabled" in ROLES[role].operations for role in self.roles):
+            return ()
+        return tuple(Outlet(each, bool(self.call("enabled", channel=each))) for each in self.channels or (0,))
+
+    def role(self, wire: Wire) -> WrappedOutput:
+        """Return what fills the role that `wire` names."""
+        settings.fits(wire, type(self).__name__, self.roles, self.channels)
+        settings.read(wire, settings.NoSettings)
+        return WrappedOutput(self, self._connection, wire, ROLES[wire.role])
+
+    def call(self, name: str, arguments: dict[str, Any] | None = None, *, channel: int = 0) -> Any:  # noqa: ANN401 - JSON
+        """Call an operation of the vendor's side and return its result; replies to earlier calls are passed over.
+
+        Raises:
+            NoReply: it does not return in time, or the vendor's driver got no reply.
+            Rejected: the vendor's driver raised an error.
+            Garbled: the reply is no reply.
+        """
+        device, port = self._connection.device, self._connection.port
+        if port is None:
+            raise Refused(f"{device}: a wrapped instrument needs a port", "give it one in the bench file")
+        self._calls += 1
+        port.timeout = self._connection.timeout
+        port.write(call_of(name, self._calls, arguments, channel))
+        for _ in range(_MOST_STALE):
+            line = port.read_line(b"\n", _LONGEST_LINE)
+            if not line.endswith(b"\n"):
+                break
+            told = self._read(name, line)
+            if told.get("number") == self._calls:
+                return self._result(name, told)
+        raise NoReply(device, f"{name} has not returned after {self._connection.timeout:g} s", "see 'timeout'")
+
+    def _read(self, name: str, line: bytes) -> dict[str, Any]:
+        try:
+            told = json.loads(line)
+        except ValueError as error:
+            raise self._nonsense(name, line) from error
+        if not isinstance(told, dict):
+            raise self._nonsense(name, line)
+        return told
+
+    def _result(self, name: str, told: dict[str, Any]) -> Any:  # noqa: ANN401 - JSON
+        device = self._connection.device
+        if "silent" in told:
+            raise NoReply(device, f"{name}: {told['silent']}", "check its power and its cable")
+        if "error" in told:
+            raise Rejected(device, f"{name}: {told['error']}", "see the manual of the vendor's driver")
+        if "result" not in told:
+            raise self._nonsense(name, told)
+        return told["result"]
+
+    def _nonsense(self, name: str, told: object) -> Garbled:
+        return Garbled(self._connection.device, f"{name} returned {told!r:.80}", f"correct {self.made_by}")
+
+
+class WrappedOutput:
+    """What fills a role by a vendor's driver: every operation of the role is a call of the same name.
+
+    A setting is asked for clamps before it is sent, and compared with `settings` afterwards. What drives without an
+    argument, such as `enable`, is preceded by that question. The wrapped object says by `in_state(state)` whether it is
+    in a safe state.
+
+    Args:
+        driver: the driver.
+        connection: its connection.
+        wire: the bench file's.
+        role: what it fills.
+    """
+
+    def __init__(self, driver: Wrapped, connection: Connection, wire: Wire, role: Role) -> None:
+        self._driver = driver
+        self._connection = connection
+        self._wire = wire
+        self._role = role
+
+    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - operations of any role
+        role: Role | None = self.__dict__.get("_role")
+        if role is None or name not in role.operations:
+            raise AttributeError(name)
+        operation = role.operations[name]
+
+        def perform(**arguments: Any) -> Any:  # noqa: ANN401 - of any role
+            return self._perform(operation, arguments)
+
+        perform.effect = operation.effect  # type: ignore[attr-defined]  # as every operation is marked
+        return perform
+
+    def channels(self) -> tuple[Channel, ...]:
+        """Return a channel for every quantity that is read."""
+        units = self._role.quantities
+        return tuple(Channel(name, units[name]) for name in self._driver.quantities or units)
+
+    def sample(self) -> tuple[float, ...]:
+        """Read every quantity, one after the other."""
+        return tuple([getattr(self, each.name)().value for each in self.channels()])
+
+    def safe_bytes(self, state: str, proof: Proof | None = None) -> SafeBytes:
+        """Return the calls that lead to a state and prove it; see `hil.instruments.roles.SafeByBytes`."""
+        must_be_state(self._role, self._wire.name, state)
+        bounds = {name: own_bounds(self._wire.name, proof, name) for name in self._role.quantities}
+        measured = [replace(self._exchange(name, b":" + NUMBER), between=its) for name, its in bounds.items() if its]
+        return SafeBytes(
+            resync=(Exchange(send=b"\n"),),  # ends half a line
+            off=(self._exchange(self._role.states[state], b""),),
+            proof=(self._exchange("in_state", b":true", {"state": state}), *measured),
+            owed_s=0.0,  # every reply names its call
+            who=replace(self._exchange("identity", rb":(\{[^\n]*)\n"), send=call_of("identity", "guard identity")),
+        )
+
+    def _exchange(self, name: str, result: bytes, arguments: dict[str, Any] | None = None) -> Exchange:
+        return Exchange(
+            send=call_of(name, f"guard {name}", arguments, self._wire.channel),
+            expect=rb'"number":"guard ' + name.encode() + rb'","result"' + result,
+            within_s=self._connection.timeout,
+        )
+
+    def _perform(self, operation: Operation, arguments: dict[str, Any]) -> Any:  # noqa: ANN401 - of any role
+        if not operation.drives:
+            return self._measured(operation, self._call(operation.name, arguments))
+        state = next((name for name, leads in self._role.states.items() if leads == operation.name), "")
+        if self._role.clamped and not arguments and not state:
+            self._permit(self._call("settings"))
+        self._permit(arguments)
+        self._call(operation.name, arguments)
+        if state and self._call("in_state", {"state": state}) is not True:
+            raise self._rejected(f"was to be {state} and is not")
+        if arguments.keys() & self._role.quantities.keys():
+            self._must_be_set(arguments)
+        return None
+
+    def _must_be_set(self, wanted: dict[str, Any]) -> None:
+        found = self._call("settings")
+        for name in wanted.keys() & self._role.quantities.keys():
+            said = found.get(name)
+            if said is None or not math.isclose(said, wanted[name], rel_tol=_SAME, abs_tol=_SAME):
+                raise self._rejected(f"{name} was set to {wanted[name]:g} and reads back as {said}")
+
+    def _permit(self, values: dict[str, Any]) -> None:
+        for name, value in values.items():
+            if name in self._role.quantities:
+                self._connection.clamps.permit(self._wire.channel, name, value)
+
+    def _measured(self, operation: Operation, result: Any) -> Any:  # noqa: ANN401 - of any role
+        units = operation.unit.split(", ") if operation.unit else []
+        if len(units) == 1:
+            return self._figure(operation.name, result, units[0])
+        if units:
+            return tuple(self._figure(operation.name, each, unit) for each, unit in zip(result, units, strict=True))
+        return tuple(result) if isinstance(result, list) else result
+
+    def _figure(self, name: str, value: object, unit: str) -> Figure:
+        if value is not None and (isinstance(value, bool) or not isinstance(value, int | float)):
+            raise Garbled(
+                self._connection.device, f"{name} returned {value!r:.80}, not a number of {unit}", "correct it"
+            )
+        return Figure(value=math.nan if value is None else float(value), unit=unit)
+
+    def _call(self, name: str, arguments: dict[str, Any] | None = None) -> Any:  # noqa: ANN401 - JSON
+        return self._driver.call(name, arguments, channel=self._wire.channel)
+
+    def _rejected(self, what: str) -> Rejected:
+        return Rejected(self._connection.device, f"{self._wire.name} {what}", "check the instrument's display")
+
+
+def call_of(name: str, number: int | str, arguments: dict[str, Any] | None = None, channel: int = 0) -> bytes:
+    """Return the line of one call."""
+    asked: dict[str, Any] = {"number": number, "call": name}
+    if arguments:
+        asked["arguments"] = arguments
+    if channel:
+        asked["channel"] = channel
+    return json.dumps(asked, separators=(",", ":"), default=float).encode() + b"\n"
+
+
+def is_wrapped(instrument: InstrumentSpec) -> bool:
+    """Return whether only a vendor's driver reaches an instrument."""
+    driver = DRIVERS.find(instrument.driver)
+    return driver is not None and issubclass(driver, Wrapped)
+
+
+def hosted_port(instrument: InstrumentSpec, port: str) -> GuardedPort:
+    """Return how the process of an instrument's vendor's driver is started.
+
+    Args:
+        instrument: one that is wrapped.
+        port: where it is, as the bench file has it.
+    """
+    driver = DRIVERS[instrument.driver]
+    made_by = driver.made_by if issubclass(driver, Wrapped) else ""
+    return GuardedPort(
+        device=instrument.name, url=f"hosted://{made_by}/{bare(port).removeprefix(VENDOR)}", speaks="hosted"
+    )
