@@ -21,12 +21,13 @@ if TYPE_CHECKING:
     from hil.analysis.battery.steps import StepKind
     from hil.analysis.battery.summary import summarise
     from hil.analysis.coil import expected_field, field_ratio, line_residuals, linearity, resistance
+    from hil.analysis.gates import Facts
     from hil.analysis.gyroscope.calibrate import calibrate
     from hil.analysis.gyroscope.interchange import as_c_header, as_json, from_json
     from hil.analysis.gyroscope.readings import Reading, reading
     from hil.analysis.gyroscope.self_check import export_disagreements, reproduction
     from hil.analysis.magnetics import direction, odd_response
-    from hil.analysis.quality import Facts, tripped
+    from hil.analysis.quality import tripped
     from hil.analysis.sampling import assess
     from hil.analysis.statistics import (
         magnitude,
@@ -103,12 +104,13 @@ _MODULES = {
     "battery.steps": ("StepKind",),
     "battery.summary": ("summarise",),
     "coil": ("expected_field", "field_ratio", "line_residuals", "linearity", "resistance"),
+    "gates": ("Facts",),
     "gyroscope.calibrate": ("calibrate",),
     "gyroscope.interchange": ("as_c_header", "as_json", "from_json"),
     "gyroscope.readings": ("Reading", "reading"),
     "gyroscope.self_check": ("export_disagreements", "reproduction"),
     "magnetics": ("direction", "odd_response"),
-    "quality": ("Facts", "tripped"),
+    "quality": ("tripped",),
     "sampling": ("assess",),
     "statistics": ("magnitude", "mean", "not_observable", "observed", "share_known", "standard_deviation", "widened"),
     "tables": ("Column", "as_csv"),

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.documents.suggest import did_you_mean
+from hil.logs.clocks import Clock
 from hil.model.errors import Refused
 
 __all__ = ["COMMENT_MARKS", "Layout", "Table", "read", "recognise"]
@@ -115,7 +116,7 @@ class Table:
     remarks: tuple[str, ...]
 
 
-def read(path: Path, columns: Sequence[str] = (), *, first: str = "") -> Table:
+def read(path: Path, columns: Sequence[str] = (), *, first: str = "", clock: bool = False) -> Table:
     """Read columns of numbers from a text table.
 
     Cells stand between tabs, semicolons, commas or white space; the decimal sign is a point, or a comma where cells
@@ -126,6 +127,8 @@ def read(path: Path, columns: Sequence[str] = (), *, first: str = "") -> Table:
         path: the file, UTF-8 or another code in which digits are ASCII.
         columns: each by its number, counted from 1, or by its name; all others than `first` where empty.
         first: a column to put before them, by number or name.
+        clock: whether `first` holds times, which may also be `hh:mm:ss.sss`, `3 days 04:05:06` or ISO 8601; these are
+            read as seconds, dates from midnight of the first one.
 
     Raises:
         Refused: no such file, no table, no such column, a row with more or fewer cells, a cell that is no number.
@@ -138,7 +141,8 @@ def read(path: Path, columns: Sequence[str] = (), *, first: str = "") -> Table:
             raise Refused(f"{path}: no row of numbers in the first {_SAMPLE} lines", "is this a table of samples?")
         leading = [_place(path, layout, first)] if first else []
         chosen = [_place(path, layout, column) for column in columns]
-        return _rows(path, layout, leading + (chosen or [each for each in range(layout.width) if each not in leading]))
+        others = chosen or [each for each in range(layout.width) if each not in leading]
+        return _rows(path, layout, leading + others, clock=leading[0] if leading and clock else None)
     except OSError as error:
         raise Refused(f"{path}: {error.strerror}", "name a text table that can be read") from None
 
@@ -164,10 +168,11 @@ def _place(path: Path, layout: Layout, column: str) -> int:
     )
 
 
-def _rows(path: Path, layout: Layout, chosen: list[int]) -> Table:
+def _rows(path: Path, layout: Layout, chosen: list[int], clock: int | None) -> Table:
     remarks: list[str] = []
+    times = None if clock is None or _starts_with_number(path, layout, clock) else clock
     with path.open(encoding="utf-8-sig", errors="replace") as file:
-        lines = _whole(path, layout, chosen, file, remarks)
+        lines = _whole(path, layout, chosen, file, remarks, times)
         try:
             values = np.loadtxt(
                 lines,
@@ -176,20 +181,29 @@ def _rows(path: Path, layout: Layout, chosen: list[int]) -> Table:
                 ndmin=2,
                 comments=None,
                 quotechar='"' if layout.quoted else None,
+                converters=None if times is None else {times: Clock()},
             )
         except ValueError as error:
-            raise _located(path, layout, chosen, error) from None
+            raise _located(path, layout, chosen, error, times) from None
     names = tuple(layout.names[place] if layout.names else str(place + 1) for place in chosen)
     return Table(names=names, values=values, remarks=tuple(remarks))
 
 
-def _whole(path: Path, layout: Layout, chosen: list[int], file: TextIO, remarks: list[str]) -> Iterator[str]:
+def _starts_with_number(path: Path, layout: Layout, place: int) -> bool:
+    with path.open(encoding="utf-8-sig", errors="replace") as file:
+        cells = layout.cells(next(islice(file, layout.first - 1, None)))
+    return layout.number(cells[place]) is not None
+
+
+def _whole(
+    path: Path, layout: Layout, chosen: list[int], file: TextIO, remarks: list[str], times: int | None
+) -> Iterator[str]:
     """Yield the rows as lines with decimal points; refuse the first with another number of cells."""
     for number, raw in enumerate(islice(file, layout.first - 1, None), start=layout.first):
         line = raw.replace(",", ".") if layout.decimal == "," else raw
         if line.isspace() or (line.lstrip().startswith(COMMENT_MARKS) if line[0] in _MARKS else False):
             continue
-        if line[-1] != "\n" and not _is_row(layout, chosen, raw):
+        if line[-1] != "\n" and not _is_row(layout, chosen, raw, times):
             remarks.append(f"line {number}, the last, is torn off and left out")
             return
         count = len(line.split()) if layout.separator is None else line.count(layout.separator) + 1
@@ -201,12 +215,22 @@ def _whole(path: Path, layout: Layout, chosen: list[int], file: TextIO, remarks:
         yield line
 
 
-def _is_row(layout: Layout, chosen: list[int], line: str) -> bool:
+def _is_row(layout: Layout, chosen: list[int], line: str, times: int | None) -> bool:
     cells = layout.cells(line)
-    return len(cells) == layout.width and all(layout.number(cells[place]) is not None for place in chosen)
+    return len(cells) == layout.width and all(_is_read(layout, cells[each], clock=each == times) for each in chosen)
 
 
-def _located(path: Path, layout: Layout, chosen: list[int], error: ValueError) -> Refused:
+def _is_read(layout: Layout, cell: str, *, clock: bool) -> bool:
+    if not clock:
+        return layout.number(cell) is not None
+    try:
+        Clock()(cell)
+    except ValueError:
+        return False
+    return True
+
+
+def _located(path: Path, layout: Layout, chosen: list[int], error: ValueError, times: int | None) -> Refused:
     """Find the first cell that is no number; only a table with such a cell is read twice."""
     with path.open(encoding="utf-8-sig", errors="replace") as file:
         for number, line in enumerate(file, start=1):
@@ -214,12 +238,13 @@ def _located(path: Path, layout: Layout, chosen: list[int], error: ValueError) -
                 continue
             cells = layout.cells(line)
             for place in chosen:
-                if place < len(cells) and layout.number(cells[place]) is None:
+                if place < len(cells) and not _is_read(layout, cells[place], clock=place == times):
                     column = _position(layout, line, place)
                     return Refused(
-                        f"{path}:{number}:{column}: '{cells[place]}' in column {place + 1} is not a number",
-                        "convert times of day or hh:mm:ss to one number, such as seconds, first"
-                        if _CLOCK.search(cells[place])
+                        f"{path}:{number}:{column}: '{cells[place]}' in column {place + 1} is not a "
+                        + ("time" if place == times else "number"),
+                        "write times as seconds, hh:mm:ss.sss, or 2026-01-31T23:59:59.9"
+                        if place == times or _CLOCK.search(cells[place])
                         else "mend or remove the line, or choose other columns",
                     )
     return Refused(f"{path}: {error}", "mend the table")

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from hil.analysis.sampling import assess, with_holes
+from hil.analysis.sampling import assess, placed, with_holes
 from hil.model.errors import Refused
 
 
@@ -63,16 +63,13 @@ def test_timestamps_that_tell_no_rate_are_refused(times, why):
 def test_missing_samples_become_holes():
     """A gap of ten samples becomes ten NaN, also where the rate is a little off."""
     times = np.delete(np.arange(1000) / 10.0, np.s_[400:410])
-    grid = with_holes(times, np.arange(990.0), 10.01)
+    grid = with_holes(placed(times * 1.001)[1], np.arange(990.0))
     assert grid.size == 1000
     assert np.flatnonzero(np.isnan(grid)).tolist() == list(range(400, 410))
     assert grid[410] == 400.0
 
 
-@pytest.mark.parametrize(
-    ("times", "why"), [([0.0, 1.0, 1.0], "cannot be put on a grid"), ([0.0, 1.0, 500.0], "498 samples are missing")]
-)
-def test_timestamps_without_a_grid_are_refused(times, why):
-    """Repeated timestamps, and records that are nearly all hole."""
-    with pytest.raises(Refused, match=why):
-        with_holes(times, [1.0, 2.0, 3.0], 1.0)
+def test_a_record_that_is_nearly_all_hole_is_refused():
+    """Ten times more samples missing than there are."""
+    with pytest.raises(Refused, match="497 samples are missing"):
+        with_holes(np.array([0, 1, 2, 500]), [1.0, 2.0, 3.0, 4.0])

@@ -16,6 +16,7 @@ from click.testing import CliRunner
 
 from hil.analysis.allan.noise import characterise
 from hil.cli.analyses.allan_text import Axis, Result, as_text, stated
+from hil.cli.analyses.log import Log
 from hil.cli.commands.analyse import command
 from hil.model.errors import Refused
 from hil.model.figure import Figure, FigureStatus
@@ -34,13 +35,14 @@ def test_a_real_gyroscope_at_rest_is_characterised():
     """The example log: sampling first, then a table and the coefficients of each axis."""
     lines = run(SLICE, *REST).stdout.splitlines()
     assert "5001 samples in 49.9948 s" in lines[0]
-    assert lines[1].startswith("sampling: 100.01 Hz, jitter 9.26 us rms")
+    assert lines[1].startswith("sampling: 100.0105 ± 0.0013 Hz, jitter 9.26 us rms")
+    assert lines[2] == "times: no gaps, 0 repeated and 0 reversed timestamps"
     assert [line.split(":")[0] for line in lines if "overlapping Allan deviation" in line] == [
         "column 2",
         "column 3",
         "column 4",
     ]
-    assert lines[4].split() == ["tau", "[s]", "deviation", "low", "high", "edf", "noise"]
+    assert lines[5].split() == ["tau", "[s]", "deviation", "low", "high", "edf", "noise"]
     assert sum(line.startswith("white noise") and line.endswith(" measured") for line in lines) == 3
     assert sum(line.startswith("flicker") and line.endswith("upper limit") for line in lines) == 3
 
@@ -99,9 +101,9 @@ def test_timestamps_may_count_milliseconds_and_have_gaps(tmp_path):
     log = tmp_path / "log.txt"
     np.savetxt(log, np.column_stack([times, np.random.default_rng(0).standard_normal(980)]))
     text = run(str(log), "--time", "1", "--time-unit", "ms", "--unit", "deg/s").stdout
-    assert "sampling: 100 Hz" in text
+    assert "sampling: 100.000 ± " in text
     assert "1 gap (longest 0.21 s, about 20 samples missing)" in text
-    assert "note: 20 samples are missing; averages that miss more than 5 % of their samples are left out" in text
+    assert "note: 20 samples are missing; averages that miss more than 5 %" in text
 
 
 def test_no_number_stands_beside_a_rejected_model():
@@ -122,13 +124,14 @@ def test_a_time_column_among_the_rates_is_warned_of(tmp_path):
     assert "column 2: overlapping Allan deviation" in text
 
 
-@pytest.mark.parametrize(("step", "rate"), [(1e7, "1e-07"), (1e-7, "1e+07")])
+@pytest.mark.parametrize(("step", "rate"), [(1e7, "1e-07"), (1e-7, "1e+07"), (10.0, "0.1")])
 def test_an_unlikely_rate_asks_for_the_unit_of_time(tmp_path, step, rate):
-    """Timestamps in nanoseconds that are taken as seconds are questioned, and so are fast ones."""
+    """Timestamps in ns or ms that are taken as seconds trip a gate, and so do fast ones; not if the unit is typed."""
     log = tmp_path / "log.txt"
     np.savetxt(log, np.column_stack([np.arange(200) * step, np.random.default_rng(0).standard_normal(200)]))
     text = run(str(log), "--time", "1", "--unit", "deg/s").stdout
-    assert f"note: {rate} Hz is an unlikely rate; are the timestamps in s? see --time-unit" in text
+    assert f"INCONCLUSIVE: time_unit: {step:.4g} s between samples, {rate} Hz" in " ".join(text.split())
+    assert "time_unit" not in run(str(log), "--time", "1", "--time-unit", "s", "--unit", "deg/s").stdout
 
 
 def test_jitter_below_a_nanosecond_is_none(tmp_path):
@@ -210,7 +213,16 @@ def test_columns_line_up_and_no_line_is_broken():
     """Numbers end under each other; a line is as long as what it says, wherever it is written to."""
     model = characterise(np.random.default_rng(0).standard_normal(500), 10.0, "deg/s")
     axis = Axis(name="x" * 200, model=model, curve=model.curve)
-    lines = as_text(Result(file="log.txt", sampling=None, axes=(axis,), remarks=())).splitlines()
+    log = Log(
+        file="log.txt",
+        unit="deg/s",
+        rate=10.0,
+        sampling=None,
+        channels={axis.name: np.zeros(500)},
+        gates=(),
+        remarks=(),
+    )
+    lines = as_text(Result(log=log, axes=(axis,))).splitlines()
     head = next(place for place, line in enumerate(lines) if line.split()[:2] == ["tau", "[s]"])
     assert lines[head - 1].startswith(axis.name)
     rows = [line.split()[:2] for line in lines[head + 1 : head + 1 + model.curve.tau.size]]
@@ -241,7 +253,7 @@ def test_the_commands_of_the_how_to_work(tmp_path, monkeypatch):
     (tmp_path / "docs").symlink_to(ROOT / "docs")
     monkeypatch.chdir(tmp_path)
     examples = re.findall(r"```console\n\$ hil analyse (.*?)```", page, re.DOTALL)
-    assert len(examples) == 7
+    assert len(examples) == 8
     for example in examples:
         asked = shlex.split(example.replace("\\\n", " "))
         assert CliRunner().invoke(command, asked, catch_exceptions=False).exit_code == 0

@@ -11,7 +11,7 @@ import numpy as np
 from hil.analysis.battery.cycles import Cycle
 from hil.analysis.battery.half_cycle import HalfCycle
 from hil.analysis.battery.series import SECONDS_PER_HOUR
-from hil.analysis.quality import Gate
+from hil.analysis.gates import Gate
 
 __all__ = ["Declared", "Told", "judge", "told", "tripped"]
 

@@ -11,7 +11,7 @@ from hil.analysis.battery.cycles import Cycle
 from hil.analysis.battery.half_cycle import HalfCycle
 from hil.analysis.battery.series import Series, can_be_warm
 from hil.analysis.battery.steps import Step
-from hil.analysis.quality import Gate
+from hil.analysis.gates import Gate
 
 __all__ = ["judge_singles"]
 

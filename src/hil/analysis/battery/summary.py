@@ -16,7 +16,7 @@ from hil.analysis.battery.integration import cumulative
 from hil.analysis.battery.series import Series, usual_interval
 from hil.analysis.battery.singles import judge_singles
 from hil.analysis.battery.steps import Segmentation, StepKind, segment
-from hil.analysis.quality import Gate
+from hil.analysis.gates import Gate
 from hil.analysis.tracing import traced
 from hil.model.errors import Refused
 

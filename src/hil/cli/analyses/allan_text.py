@@ -8,9 +8,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 
 from hil.analysis.allan.results import AllanCurve, NoiseModel
-from hil.analysis.sampling import SamplingReport
+from hil.analysis.gates import Gate
+from hil.cli.analyses.log import INCONCLUSIVE, Log, gates_as_json, status
 from hil.model.figure import Figure, FigureStatus
-from hil.report.tables import aligned
+from hil.report.tables import aligned, fitting
 
 __all__ = ["NAMES", "Axis", "Result", "as_json", "as_text", "called", "stated"]
 
@@ -33,36 +34,39 @@ _NOISE = {
     -3: "flicker walk",
     -4: "random run",
 }
+_WIDTH = 80  # columns that sentences take; tables are as wide as they are
 _LEAST_JITTER = 1e-9  # s; below it are the rounding errors of the timestamps
 _HEAD = ("tau [s]", "deviation", "low", "high", "edf", "noise")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Axis:
-    """One column of a log and what it says."""
+    """One column of a log, what it says, and the gates that make that inconclusive."""
 
     name: str
     model: NoiseModel
     curve: AllanCurve
+    doubts: tuple[Gate, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Result:
     """Everything one call found out."""
 
-    file: str
-    sampling: SamplingReport | None
+    log: Log
     axes: tuple[Axis, ...]
-    remarks: tuple[str, ...]
 
 
 def as_json(result: Result) -> str:
     """Return the result as one JSON document; what is not finite is null."""
+    log = result.log
     document = {
         "format": 1,
-        "file": result.file,
-        "sampling": asdict(result.sampling) if result.sampling else None,
-        "remarks": list(result.remarks),
+        "file": log.file,
+        "status": INCONCLUSIVE if any(axis.doubts for axis in result.axes) else "conclusive",
+        "sampling": asdict(log.sampling) if log.sampling else None,
+        "remarks": list(log.remarks),
+        "gates": gates_as_json(log.gates),
         "axes": [_axis(axis) for axis in result.axes],
     }
     return json.dumps(document, allow_nan=False, indent=2)
@@ -83,7 +87,9 @@ def _axis(axis: Axis) -> dict[str, object]:
         "samples": curve.samples,
         "missing": curve.missing,
         "confidence": curve.confidence,
-        **{term: _figure(getattr(model, term)) for term in _TERMS},
+        "status": INCONCLUSIVE if axis.doubts else "conclusive",
+        "reasons": [str(gate) for gate in axis.doubts],
+        **{term: _figure(getattr(model, term), axis.doubts) for term in _TERMS},
         "chi": _finite(model.chi),
         "tau_min": model.tau_min,
         "model_error": model.model_error,
@@ -92,13 +98,13 @@ def _axis(axis: Axis) -> dict[str, object]:
     }
 
 
-def _figure(figure: Figure) -> Mapping[str, object]:
+def _figure(figure: Figure, doubts: tuple[Gate, ...]) -> Mapping[str, object]:
     return {
         "value": _finite(figure.value),
         "unit": figure.unit,
         "uncertainty": figure.uncertainty,
         "dof": _finite(figure.dof),
-        "status": figure.status.value,
+        "status": status(doubts, figure.status.value),
     }
 
 
@@ -108,32 +114,35 @@ def _finite(number: float) -> float | None:
 
 def as_text(result: Result) -> str:
     """Return the result as plain text: a part for each column, with its deviations and its noise."""
-    lines = [_heading(result), *(f"note: {remark}" for remark in result.remarks)]
+    known = [gate for gate in result.log.gates if gate.ok is False]
+    doubts = {gate for axis in result.axes for gate in axis.doubts}
+    told = [f"{'INCONCLUSIVE' if gate in doubts else 'note'}: {gate}" for gate in known]
+    lines = fitting([*_heading(result.log), *told, *(f"note: {remark}" for remark in result.log.remarks)], _WIDTH)
     for axis in result.axes:
         lines += [
             "",
             _title(axis),
             *aligned(_rows(axis), head=_HEAD, right=range(len(_HEAD) - 1)),
-            *_summary(axis.model),
+            *_summary(axis),
         ]
     return "\n".join(lines)
 
 
-def _heading(result: Result) -> str:
-    sampling = result.sampling
+def _heading(log: Log) -> Iterator[str]:
+    sampling = log.sampling
     if sampling is None:
-        curve = result.axes[0].curve
-        return f"{result.file}: {curve.samples} samples at {curve.rate:g} Hz, the rate that was given"
+        samples = next(iter(log.channels.values())).size
+        yield f"{log.file}: {samples} samples at {log.rate:g} Hz, the rate that was given"
+        return
     gaps = "no gaps"
     if sampling.gaps:
         count = f"{sampling.gaps} gap{'' if sampling.gaps == 1 else 's'}"
         gaps = f"{count} (longest {sampling.longest_gap:.4g} s, about {sampling.missing} samples missing)"
-    return (
-        f"{result.file}: {sampling.samples} samples in {sampling.duration:.6g} s\n"
-        f"sampling: {sampling.rate:.6g} Hz, jitter {_microseconds(sampling.jitter_rms)} us rms, "
-        f"{_microseconds(sampling.jitter_max)} us peak, {gaps}, {sampling.duplicates} repeated and "
-        f"{sampling.reversals} reversed timestamps"
-    )
+    rate = stated(Figure(value=sampling.rate, unit="Hz", uncertainty=sampling.rate_uncertainty))
+    jitter = f"{_microseconds(sampling.jitter_rms)} us rms, {_microseconds(sampling.jitter_max)} us peak"
+    yield f"{log.file}: {sampling.samples} samples in {sampling.duration:.6g} s"
+    yield f"sampling: {rate}, jitter {jitter}"
+    yield f"times: {gaps}, {sampling.duplicates} repeated and {sampling.reversals} reversed timestamps"
 
 
 def _microseconds(seconds: float) -> str:
@@ -161,15 +170,21 @@ def _rows(axis: Axis) -> list[tuple[str, ...]]:
     ]
 
 
-def _summary(model: NoiseModel) -> Iterator[str]:
+def _summary(axis: Axis) -> Iterator[str]:
+    model = axis.model
     figures = zip(_LABELS, (getattr(model, term) for term in _TERMS), strict=True)
-    rows = [(label, stated(figure), figure.status.value) for label, figure in figures]
+    rows = [
+        (label, "-" if axis.doubts else stated(figure), status(axis.doubts, figure.status.value))
+        for label, figure in figures
+    ]
     yield from aligned(rows)
+    if axis.doubts:
+        yield from fitting([f"inconclusive: {'; '.join(gate.name for gate in axis.doubts)}; see above"], _WIDTH)
     if math.isfinite(model.chi):
         error = f", model error {model.model_error:.0%} allowed for" if model.model_error else ""
         yield f"fit: chi {model.chi:.2f} from {model.tau_min:.4g} s on{error}"
     if model.remark:
-        yield f"note: {model.remark}"
+        yield from fitting([f"note: {model.remark}"], _WIDTH)
 
 
 def stated(figure: Figure) -> str:

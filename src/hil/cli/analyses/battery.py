@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import click
 
+from hil.cli.analyses.log import time_unit_option
 from hil.model.errors import Refused
 
 if TYPE_CHECKING:
@@ -19,14 +20,12 @@ if TYPE_CHECKING:
 
 __all__ = ["battery"]
 
-_TIME_UNITS = {"s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0}
-
 
 class _Mapping(NamedTuple):
     """Which columns of a table hold what, by number or name."""
 
     time: str | None
-    time_unit: str
+    time_unit: str | None
     voltage: str | None
     current: str | None
     temperature: str | None
@@ -40,9 +39,7 @@ class _Mapping(NamedTuple):
     help="Who wrote the log.",
 )  # fmt: skip
 @click.option("--time", metavar="COLUMN", help="Column of the time since the test began, in a table.")
-@click.option(
-    "--time-unit", type=click.Choice(list(_TIME_UNITS)), default="s", show_default=True, help="Of the time column."
-)
+@time_unit_option
 @click.option("--voltage", metavar="COLUMN", help="Column of the voltage in V, in a table.")
 @click.option("--current", metavar="COLUMN", help="Column of the current in A, in a table.")
 @click.option("--temperature", metavar="COLUMN", help="Column of the temperature in degC, in a table.")
@@ -94,7 +91,7 @@ def battery(  # noqa: PLR0913 - one argument per option
     file: Path,
     form: str,
     time: str | None,
-    time_unit: str,
+    time_unit: str | None,
     voltage: str | None,
     current: str | None,
     temperature: str | None,
@@ -113,11 +110,11 @@ def battery(  # noqa: PLR0913 - one argument per option
     remaining: float,
     plot: Path | None,
     as_json: bool,
-) -> None:
+) -> int:
     """Compute capacity, energy, efficiency and fade of a cell from the log of its cycles in FILE.
 
     Novonix files and terminal logs of a cycler (voltage;current;energy;temperature) are recognised; any
-    other table needs its columns named. Gates show what casts doubt on the numbers.
+    other table needs its columns named. Gates show what casts doubt on the numbers; the exit code is then 1.
 
     \b
     Examples:
@@ -149,6 +146,7 @@ def battery(  # noqa: PLR0913 - one argument per option
     _draw(plot, data, summary, how)
     result = battery_text.Result(file=str(file), log=log, data=data, summary=summary, capacity=capacity, how=how)
     click.echo(battery_text.as_json(result) if as_json else battery_text.as_text(result))
+    return int(any(gate.ok is False for gate in summary.gates))
 
 
 def _draw(plot: Path | None, data: Series, summary: Summary, how: Segmentation) -> None:
@@ -226,6 +224,7 @@ def _read(file: Path, form: str, columns: _Mapping, interval: float) -> BatteryL
 
 
 def _table(file: Path, columns: _Mapping) -> BatteryLog:
+    from hil.analysis.timeline import TIME_UNITS, time_unit, unwrapped  # noqa: PLC0415 - start-up stays light
     from hil.logs import battery as logs  # noqa: PLC0415 - start-up stays light
     from hil.logs.columns import read  # noqa: PLC0415 - start-up stays light
 
@@ -236,16 +235,18 @@ def _table(file: Path, columns: _Mapping) -> BatteryLog:
         raise Refused(f"{file}: which columns hold time, voltage and current is not known", name)
     wanted = [columns.time, columns.voltage, columns.current]
     others = [column for column in (columns.temperature, columns.cycle) if column is not None]
-    table = read(file, [*wanted, *others])
+    table = read(file, [*wanted[1:], *others], first=columns.time, clock=True)
+    unit, told = time_unit(columns.time_unit, table.names[0], table.values[:, 0])
+    time, continued = unwrapped(table.values[:, 0])
     rest = iter(table.values.T[len(wanted) :])
     return logs.BatteryLog(
         maker="table",
-        time=table.values[:, 0] * _TIME_UNITS[columns.time_unit],
+        time=time * TIME_UNITS[unit],
         voltage=table.values[:, 1],
         current=table.values[:, 2],
         temperature=None if columns.temperature is None else next(rest),
         cycle=None if columns.cycle is None else next(rest),
-        remarks=table.remarks,
+        remarks=(*table.remarks, *((told,) if told else ()), *continued),
     )
 
 

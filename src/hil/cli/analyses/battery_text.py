@@ -17,6 +17,7 @@ from hil.analysis.battery.incremental import IncrementalCapacity
 from hil.analysis.battery.series import SECONDS_PER_HOUR, Series
 from hil.analysis.battery.steps import Segmentation, StepKind, segment
 from hil.analysis.battery.summary import Summary, incremental_capacities
+from hil.cli.analyses.log import INCONCLUSIVE, gates_as_json
 from hil.logs.battery import BatteryLog
 from hil.report.tables import aligned
 
@@ -67,7 +68,9 @@ def as_json(result: Result) -> str:
             kind.value: [[asdict(peak) for peak in curve.peaks] for curve in _curves(result, kind)] for kind in _KINDS
         },
         "fade": {name: asdict(each) for name, each in summary.fades.items()},
-        "gates": [asdict(gate) for gate in summary.gates],
+        "status": INCONCLUSIVE if any(gate.ok is False for gate in summary.gates) else "conclusive",
+        "reasons": [str(gate) for gate in summary.gates if gate.ok is False],
+        "gates": gates_as_json(summary.gates),
     }
     return json.dumps(_finite(document), allow_nan=False, indent=2)
 

@@ -1,0 +1,219 @@
+"""Times of a log as they are: their unit, counters that wrap, rows out of order, and the place of each sample."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hil.analysis.gates import Gate
+from hil.analysis.sampling import SamplingReport, placed
+
+__all__ = ["TIME_UNITS", "Timeline", "time_unit", "timeline", "unwrapped"]
+
+_Array: TypeAlias = NDArray[np.float64]
+_Places: TypeAlias = NDArray[np.int64]
+
+TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0, "d": 86400.0}
+"""Units of timestamps, in s."""
+
+_WRITTEN = {
+    **{name: name for name in TIME_UNITS},
+    "µs": "us", "μs": "us", "usec": "us", "microseconds": "us", "micros": "us",
+    "msec": "ms", "milliseconds": "ms", "millis": "ms", "nsec": "ns", "nanoseconds": "ns",
+    "sec": "s", "secs": "s", "second": "s", "seconds": "s",
+    "minutes": "min", "hours": "h", "hour": "h", "days": "d", "day": "d",
+}  # fmt: skip
+_LAST_WORD = re.compile(r"(?:^|[\s_\[(/.,])([^\s_\[(/.,\])]+)[\])]?\s*$")
+_EPOCHS = {"s": 1e9, "ms": 1e12, "us": 1e15, "ns": 1e18}  # about the year 2001; tenfold is the year 2286
+_LIKELY = (1e-5, 2.0)  # s between samples of a sensor; beyond them another unit is likelier
+_MODULI = (
+    *(2.0**bits * unit for bits in (16, 24, 31, 32) for unit in (1.0, 1e-3, 1e-6)),
+    *(2.0**32 * unit for unit in (1e-9, 1e-2)),
+    *(86400.0 * unit for unit in (1.0, 1e3, 1e6)),
+    *(3600.0 * unit for unit in (1.0, 1e3)),
+    *(60.0 * unit for unit in (1.0, 1e3)),
+    24.0, 1.0, 1e3, 1e6, 1e9,
+)  # fmt: skip
+_NEAR = 0.6  # of an interval: a wrapped counter goes on as it would have
+_MOVED = 16  # places: rows that stand further from theirs were not swapped by two threads
+_NAMED = 10  # samples that a gate names
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Timeline:
+    """The times of a log, understood.
+
+    Attributes:
+        seconds: since the first sample, shape (k,); rising, unless a gate says otherwise.
+        rows: place in the log of each of them, counted from 0; None if that is all of them, in their order.
+        places: of each sample on an even grid.
+        report: what the timestamps say.
+        gates: what speaks against the times as such.
+        remarks: what was understood in another way than it was written, in sentences.
+    """
+
+    seconds: _Array
+    rows: _Places | None
+    places: _Places
+    report: SamplingReport
+    gates: tuple[Gate, ...]
+    remarks: tuple[str, ...]
+
+
+def time_unit(typed: str | None, column: str, values: ArrayLike) -> tuple[str, str]:
+    """Return the unit of timestamps, and a remark if nobody typed it and it is not s.
+
+    Args:
+        typed: what somebody said, None if nobody did.
+        column: its name, such as `time [ms]` or `timestamp_us`.
+        values: the timestamps; those of an epoch show their unit by their size.
+    """
+    if typed is not None:
+        return typed, ""
+    found = _LAST_WORD.search(column)
+    unit = _WRITTEN.get(found[1] if found[1] in _WRITTEN else found[1].lower(), "") if found else ""
+    if unit and column not in _WRITTEN:
+        return unit, "" if unit == "s" else f"times are in {unit}, as the column's name '{column}' says"
+    start = float(np.ravel(np.asarray(values, dtype=np.float64))[:1].sum())
+    for name, least in _EPOCHS.items():
+        if name != "s" and least <= start < 10.0 * least:
+            return name, f"times are in {name} since 1970, as their size says"
+    return "s", ""
+
+
+def timeline(
+    timestamps: ArrayLike, unit: str = "s", *, typed: bool = True, values: ArrayLike | None = None
+) -> Timeline:
+    """Understand the timestamps of a log.
+
+    Counters that wrap are continued; a row of the log that is written twice is left out; rows that changed places are
+    put back; each with a remark. What cannot be explained trips a gate.
+
+    Args:
+        timestamps: as they are written, shape (n,).
+        unit: of the timestamps, a key of TIME_UNITS.
+        typed: whether somebody said that this is the unit; otherwise an unlikely interval trips the gate `time_unit`.
+        values: what stands beside each timestamp, shape (n, channels).
+
+    Raises:
+        Refused: fewer than three timestamps, or none that follows another.
+    """
+    raw = np.asarray(timestamps, dtype=np.float64)
+    remarks: list[str] = []
+    raw, gates = _filled(raw, remarks)
+    raw, told = unwrapped(raw)
+    remarks += told
+    raw, rows = _in_order(raw, values, remarks)
+    seconds = (raw - raw[:1]) * TIME_UNITS[unit]
+    report, places = placed(seconds)
+    gates.append(_likely(report, unit, typed=typed))
+    remarks += _remarks(report)
+    return Timeline(
+        seconds=seconds, rows=rows, places=places, report=report, gates=tuple(gates), remarks=tuple(remarks)
+    )
+
+
+def _filled(raw: _Array, remarks: list[str]) -> tuple[_Array, list[Gate]]:
+    """Put timestamps that are no numbers between their neighbours."""
+    bad = np.flatnonzero(~np.isfinite(raw))
+    if not bad.size or bad.size > raw.size - 2:
+        return raw, []
+    good = np.flatnonzero(np.isfinite(raw))
+    filled = raw.copy()
+    filled[bad] = np.interp(bad, good, raw[good])
+    told = f"{_counted(bad.size, 'timestamp')} of {raw.size} not a number, the first is number {bad[0] + 1}"
+    remarks.append(f"{told}; taken from the timestamps beside it")
+    ends = bad[0] == 0 or bad[-1] == raw.size - 1
+    numbers = tuple((bad[:_NAMED] + 1).tolist())
+    ok = not ends and bad.size <= 0.01 * raw.size
+    return filled, [Gate(name="times", channel="", ok=ok, reason=told, samples=numbers)]
+
+
+def _counted(number: int, what: str) -> str:
+    return f"{number} {what}" if number == 1 else f"{number} {what}s"
+
+
+def unwrapped(raw: _Array) -> tuple[_Array, tuple[str, ...]]:
+    """Return timestamps with a counter continued that starts anew where its range ends, and a remark if there is one.
+
+    Args:
+        raw: as they are written, shape (n,).
+    """
+    steps = np.diff(raw)
+    back = np.flatnonzero(steps < 0.0)
+    forward = steps[steps > 0.0]
+    if not back.size or not forward.size or float(forward.max()) == math.inf:
+        return raw, ()
+    usual = float(np.median(forward))
+    span = float(np.ptp(raw))
+    for modulus in sorted(_MODULI):
+        if modulus < span:
+            continue
+        beyond = steps[back] + modulus
+        large = -steps[back] > modulus / 2.0
+        fits = (beyond > 0.0) & (beyond < max(usual * (1.0 + _NEAR), 1.1 * float(np.quantile(forward, 0.99))))
+        if large.any() and fits[large].all():
+            turns = np.zeros(raw.size)
+            turns[back[large] + 1] = modulus
+            often = "once" if large.sum() == 1 else f"{large.sum()} times"
+            at = ", ".join(str(place + 2) for place in back[large][:_NAMED].tolist())
+            told = f"times start anew {often}, at sample {at}, as a counter of {modulus:.10g} does: continued"
+            return np.asarray(raw + np.cumsum(turns)), (told,)
+    return raw, ()
+
+
+def _in_order(raw: _Array, values: ArrayLike | None, remarks: list[str]) -> tuple[_Array, _Places | None]:
+    """Leave out rows that are written twice, and put rows back that changed places."""
+    steps = np.diff(raw)
+    rows: _Places | None = None
+    if values is not None and (steps == 0.0).any():
+        beside = np.asarray(values, dtype=np.float64)
+        twice = np.flatnonzero(steps == 0.0)
+        same = twice[((beside[twice] == beside[twice + 1]) | np.isnan(beside[twice])).all(axis=1)]
+        if same.size == twice.size and same.size <= 0.1 * raw.size:
+            rows = np.delete(np.arange(raw.size, dtype=np.int64), same + 1)
+            raw = raw[rows]
+            what = "row repeats the row" if same.size == 1 else "rows repeat the rows"
+            remarks.append(f"{same.size} {what} before, time and values, the first is number {same[0] + 2}: left out")
+    steps = np.diff(raw)
+    back = np.flatnonzero(steps < 0.0)
+    if not back.size or back.size > 0.1 * raw.size:
+        return raw, rows
+    order = np.argsort(raw, kind="stable").astype(np.int64)
+    moved = np.abs(order - np.arange(raw.size))
+    arranged = raw[order]
+    if moved.max() > _MOVED or (np.diff(arranged) < 0.5 * np.median(steps[steps > 0.0])).any():
+        return raw, rows
+    remarks.append(
+        f"{int((moved > 0).sum())} rows stand out of order, the first is number {back[0] + 2}: put in order of time"
+    )
+    return arranged, order if rows is None else rows[order]
+
+
+def _likely(report: SamplingReport, unit: str, *, typed: bool) -> Gate:
+    interval = 1.0 / report.rate
+    reason = f"{interval:.4g} s between samples, {report.rate:.4g} Hz, with times taken in {unit}"
+    ok = typed or _LIKELY[0] <= interval <= _LIKELY[1]
+    if not ok:
+        other = "ms" if interval > _LIKELY[1] else "h"
+        if interval > 2000.0:
+            other = "us" if interval < 2e6 else "ns"
+        reason += f", is unlikely: type --time-unit {other} if they are in {other}, --time-unit {unit} if it is right"
+    return Gate(name="time_unit", channel="", ok=ok, reason=reason)
+
+
+def _remarks(report: SamplingReport) -> list[str]:
+    remarks = []
+    if report.rounded:
+        step = f"{report.resolution:.3g} s"
+        remarks.append(f"times are rounded to {step}, intervals of {1.0 / report.rate:.4g} s to neighbouring multiples")
+    if report.burst > 1.0:
+        remarks.append(
+            f"samples come in bursts of {report.burst:.3g}; they are taken as evenly spaced, the rate from their count"
+        )
+    return remarks
