@@ -86,6 +86,7 @@ _NAMED = 10  # samples that a gate names
 _ENOUGH = 20  # samples from which extremes and neighbours are judged
 _PILED = 5  # equal extreme samples that chance may make
 _PILE = 2.0  # times what lies beside them
+_NEAR_END = 0.08  # of the distance between quartiles: a tenth of a standard deviation
 _BY_CHANCE = 1e-6  # records of white noise in which a spike is found
 _LOOKED_AT = 10_000  # samples that are looked at one by one
 _AROUND, _WIDEST = 8, 3  # samples on either side of a spike, and how many of them it may take
@@ -180,7 +181,7 @@ def _clipped(channel: str, values: _Array) -> Gate:
     if present.size < _ENOUGH:
         return unknown
     quarters = np.quantile(present, (0.25, 0.75))
-    width = float(quarters[1] - quarters[0]) / 4.0
+    width = float(quarters[1] - quarters[0]) * _NEAR_END
     step = _step(present) or 0.0
     for end in (float(present.max()), float(present.min())):
         away = np.abs(present - end)

@@ -207,7 +207,8 @@ def _resolution(times: _Array, steps: _Array) -> float:
 def _grouped(times: _Array, steps: _Array) -> _Reads:
     """Group samples that were read at once, and find the intervals that are too long for what was read."""
     first = np.arange(1, times.size, dtype=np.int64)
-    if (steps < _GAP * np.median(steps)).any() or not np.median(steps) > 0.0:
+    middle = float(np.median(steps))
+    if not middle > 0.0 or float(steps.mean()) > (1.0 + _GAP) * middle or (steps < _GAP * middle).any():
         carrying = _carrying(steps)
         if ((steps >= 0.0) & (steps < _AT_ONCE * carrying)).mean() >= _BURST:
             first = np.flatnonzero(steps >= _AT_ONCE * carrying).astype(np.int64) + 1

@@ -1,0 +1,506 @@
+"""Ugly logs: generated files with a known truth, and what the commands say to them.
+
+To add a kind, write a function that returns its text, with `@kind(title, command, truth, figure)`. The command runs on
+FILE. The truth is the value of each figure that `figure` takes from the JSON document, None where only a flag or an
+error will do. `python tests/support/ugly_logs.py` writes the page.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from click.testing import CliRunner
+
+from hil.cli.commands.analyse import command
+from hil.model.errors import HilError
+
+__all__ = ["KINDS", "PAGE", "Kind", "Said", "page", "said"]
+
+PAGE = Path(__file__).parents[2] / "docs" / "reference" / "ugly-logs.md"
+
+WITHIN = 4.0  # standard uncertainties: beyond it a value is wrong
+COUNT, RATE, SIGMA = 4000, 100.0, 0.1
+TRUTH = SIGMA / math.sqrt(RATE)  # white noise in deg/s/sqrt(Hz)
+ALLAN = ("allan", "FILE", "--time", "1", "--unit", "deg/s")
+UNTIMED = ("allan", "FILE", "--rate", "100", "--unit", "deg/s")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Kind:
+    """One kind of ugly log.
+
+    Attributes:
+        title: what is ugly.
+        command: arguments of `hil analyse`, with FILE for the log.
+        truth: value of the figures by path in the JSON document, such as `white`; None: nothing can be known.
+        write: returns the log's text or bytes.
+    """
+
+    title: str
+    command: tuple[str, ...]
+    truth: float | None
+    write: Callable[[], str | bytes]
+    figure: Callable[[dict], list[dict]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Said:
+    """What a command said: `value`, `flag` or `error`, and the sentence."""
+
+    outcome: str
+    sentence: str
+    document: dict | None = None
+    figures: tuple[dict, ...] = ()
+
+
+KINDS: dict[str, Kind] = {}
+
+
+def white(document):
+    """Return the white noise of every axis."""
+    return [axis["white"] for axis in document["axes"]]
+
+
+def kind(title, command=ALLAN, truth=TRUTH, figure=white):
+    """Register a function that writes a log, by its name."""
+
+    def register(write):
+        KINDS[write.__name__] = Kind(title=title, command=command, truth=truth, write=write, figure=figure)
+        return write
+
+    return register
+
+
+def said(ugly: Kind, folder: Path) -> Said:
+    """Write a log, run the command on it, and return what it said; an exception other than HilError is raised."""
+    made = ugly.write()
+    path = folder / "ugly.csv"
+    path.write_bytes(made if isinstance(made, bytes) else made.encode())
+    arguments = [str(path) if each == "FILE" else each for each in ugly.command]
+    try:
+        result = CliRunner().invoke(command, [*arguments, "--json"], catch_exceptions=False, standalone_mode=False)
+    except HilError as error:
+        return Said(outcome="error", sentence=error.message.replace(f"{path}", "FILE"))
+    document = json.loads(result.stdout)
+    figures = tuple(ugly.figure(document))
+    flagged = document.get("status") == "inconclusive"
+    assert result.return_value == int(flagged), "the exit code is 1 if a gate trips, else 0"
+    gates = [gate for gate in document.get("gates", ()) if gate["ok"] is False]
+    told = [f"{gate['name']}: {gate['reason']}" for gate in gates] + list(document.get("remarks", ()))
+    if not flagged and all(figure["status"] in {"measured", "upper limit"} for figure in figures):
+        return Said(outcome="value", sentence="; ".join(told), document=document, figures=figures)
+    told += [axis["remark"] for axis in document.get("axes", ()) if axis.get("remark")]
+    return Said(outcome="flag", sentence="; ".join(told), document=document, figures=figures)
+
+
+def noise(count=COUNT, seed=1, sigma=SIGMA):
+    """Return white noise around a bias."""
+    return 0.05 + sigma * np.random.default_rng(seed).standard_normal(count)
+
+
+def times(count=COUNT, rate=RATE):
+    """Return even times in s."""
+    return np.arange(count) / rate
+
+
+def table(*columns, form="%.10g", head="t,x"):
+    """Return columns as text."""
+    rows = zip(*(np.asarray(each).tolist() for each in columns), strict=True)
+    text = "\n".join(",".join(each if isinstance(each, str) else form % each for each in row) for row in rows)
+    return f"{head}\n{text}\n"
+
+
+# Times
+
+
+@kind("even timestamps in s, nothing ugly")
+def even():
+    return table(times(), noise())
+
+
+@kind("a 32-bit counter of microseconds that wraps", (*ALLAN, "--time-unit", "us"))
+def wraps_us():
+    return table((4.28e9 + times() * 1e6) % 2**32, noise(), form="%.12g")
+
+
+@kind("a 32-bit counter of microseconds, written in ms, that wraps", (*ALLAN, "--time-unit", "ms"))
+def wraps_us_in_ms():
+    return table(((4.28e9 + times() * 1e6) % 2**32) / 1e3, noise(), form="%.12g")
+
+
+@kind("a 32-bit counter of milliseconds that wraps", (*ALLAN, "--time-unit", "ms"))
+def wraps_ms():
+    return table((2**32 - 15000 + times() * 1e3) % 2**32, noise(), form="%.12g")
+
+
+@kind("a signed 32-bit counter of microseconds that wraps", (*ALLAN, "--time-unit", "us"))
+def wraps_signed():
+    return table((2**31 - 2e7 + times() * 1e6 + 2**31) % 2**32 - 2**31, noise(), form="%.12g")
+
+
+@kind("a 16-bit counter of milliseconds that wraps often", (*ALLAN, "--time-unit", "ms"))
+def wraps_16():
+    return table((times(20000) * 1e3) % 65536, noise(20000))
+
+
+@kind("milliseconds, taken for seconds because nobody typed the unit")
+def milliseconds_untold():
+    return table(times() * 1e3, noise())
+
+
+@kind("microseconds, taken for seconds because nobody typed the unit")
+def microseconds_untold():
+    return table(times() * 1e6, noise())
+
+
+@kind("milliseconds, told by the column's name")
+def milliseconds_named():
+    return table(times() * 1e3, noise(), head="t_ms,x")
+
+
+@kind("milliseconds, typed", (*ALLAN, "--time-unit", "ms"))
+def milliseconds_typed():
+    return table(times() * 1e3, noise())
+
+
+@kind("hours, taken for seconds")
+def hours_untold():
+    return table(times() / 3600, noise(), form="%.15g")
+
+
+@kind("days as a fraction", (*ALLAN, "--time-unit", "d"))
+def days():
+    return table(45000 + times() / 86400, noise(), form="%.17g")
+
+
+@kind("bursts of ten under one timestamp")
+def bursts():
+    return table(np.floor(times() * 10) / 10, noise())
+
+
+@kind("bursts of ten, a tenth of a millisecond apart within")
+def bursts_spread():
+    return table(np.repeat(np.arange(COUNT // 10) / 10, 10) + np.tile(np.arange(10) * 1e-4, COUNT // 10), noise())
+
+
+@kind("bursts of changing length, with a second missing")
+def bursts_gap():
+    kept = np.r_[0:1500, 1600:COUNT]
+    return table(np.floor(times()[kept] / 0.087) * 0.087, noise()[kept])
+
+
+@kind("952 Hz in whole milliseconds", truth=SIGMA / math.sqrt(952))
+def rounded():
+    return table(np.floor(times(rate=952) * 1e3) / 1e3, noise())
+
+
+@kind("952 Hz in whole milliseconds, and 300 samples missing", truth=SIGMA / math.sqrt(952))
+def rounded_gap():
+    kept = np.r_[0:1500, 1800:COUNT]
+    return table((np.floor(times(rate=952) * 1e3) / 1e3)[kept], noise()[kept])
+
+
+@kind("5 kHz in whole milliseconds", truth=SIGMA / math.sqrt(5000))
+def rounded_fast():
+    return table(np.floor(times(rate=5000) * 1e3) / 1e3, noise())
+
+
+@kind("100 Hz in hundredths of a second, 5 % of the samples missing", truth=TRUTH)
+def lossy():
+    kept = np.random.default_rng(7).random(COUNT) > 0.05
+    return table(times()[kept], noise()[kept])
+
+
+@kind("jitter of a third of an interval, of the host's clock")
+def jitter_host():
+    return table(times() + np.random.default_rng(3).uniform(-1, 1, COUNT) / 300, noise())
+
+
+@kind("jitter of a third of an interval, adding up")
+def jitter_walk():
+    return table(np.cumsum(np.abs(1 + np.random.default_rng(3).standard_normal(COUNT) / 3)) / RATE, noise())
+
+
+@kind("jitter of a whole interval: nobody knows the order", truth=TRUTH)
+def jitter_wild():
+    return table(times() + np.random.default_rng(3).standard_normal(COUNT) / 100, noise())
+
+
+@kind("three timestamps that repeat the one before, with other values")
+def repeats():
+    time = times()
+    time[[100, 2000, 3000]] = time[[99, 1999, 2999]]
+    return table(time, noise())
+
+
+@kind("rows that are written twice")
+def rows_twice():
+    kept = np.sort(np.r_[0:COUNT, 100, 2000, 3000])
+    return table(times()[kept], noise()[kept])
+
+
+@kind("neighbouring rows that changed places")
+def rows_swapped():
+    order = np.arange(COUNT)
+    order[[100, 101, 2000, 2001]] = order[[101, 100, 2001, 2000]]
+    return table(times()[order], noise()[order])
+
+
+@kind("a clock that is set back by two seconds")
+def set_back():
+    return table(times() - 2.0 * (np.arange(COUNT) > 1500), noise())
+
+
+@kind("a log of two starts: time begins again at zero")
+def restarts():
+    return table(np.concatenate([times(1700), times(2300)]), noise())
+
+
+@kind("time of day through midnight")
+def midnight():
+    seconds = (86390 + times()) % 86400
+    return table([_clock(each) for each in seconds], noise())
+
+
+@kind("hh:mm:ss.sss with days")
+def elapsed_days():
+    return table([f"{3 + int(s // 86400)} days {_clock(s % 86400)}" for s in 86390 + times()], noise())
+
+
+@kind("dates of ISO 8601, in UTC")
+def iso():
+    return table([f"2026-01-3{int(s // 86400)}T{_clock(s % 86400)}Z" for s in 86390 + times()], noise())
+
+
+@kind("seconds since 1970")
+def epoch():
+    return table(1.7e9 + times(), noise(), form="%.13g")
+
+
+@kind("milliseconds since 1970, told by nobody")
+def epoch_ms():
+    return table(1.7e12 + times() * 1e3, noise(), form="%.15g")
+
+
+@kind("nanoseconds since 1970, told by nobody")
+def epoch_ns():
+    return table([f"{1700000000 * 10**9 + n * 10**7}" for n in range(COUNT)], noise())
+
+
+@kind("a timestamp that is no number")
+def time_nan():
+    time = times()
+    time[700] = np.nan
+    return table(time, noise())
+
+
+@kind("a gap as long as the record")
+def long_gap():
+    return table(times() + 40.0 * (np.arange(COUNT) >= 2000), noise())
+
+
+@kind("timestamps that stand still", truth=None)
+def still():
+    return table(np.zeros(COUNT), noise())
+
+
+def _clock(seconds):
+    ms = round(seconds * 1000) % 86_400_000
+    return f"{ms // 3_600_000:02d}:{ms // 60_000 % 60:02d}:{ms // 1000 % 60:02d}.{ms % 1000:03d}"
+
+
+# Samples
+
+
+@kind("noise of a fifth of a count: quantised away", truth=0.02 * TRUTH / SIGMA)
+def quantised_away():
+    return table(times(), np.rint(noise(sigma=0.02) / 0.1 + 0.3) * 0.1)
+
+
+@kind("noise of one count", truth=0.1 * math.sqrt(1 + 1 / 12) / math.sqrt(RATE))
+def one_count():
+    return table(times(), np.rint(noise() / 0.1) * 0.1)
+
+
+@kind("one spike of a thousand standard deviations")
+def one_spike():
+    values = noise()
+    values[1234] = 100.0
+    return table(times(), values)
+
+
+@kind("ten spikes of ten standard deviations")
+def ten_spikes():
+    values = noise()
+    values[np.arange(10) * 371 + 100] += 1.0
+    return table(times(), values)
+
+
+@kind("clipped at one standard deviation on both sides")
+def clipped():
+    return table(times(), np.clip(noise(), -0.05, 0.15))
+
+
+@kind("clipped at two standard deviations on one side")
+def clipped_above():
+    return table(times(), np.minimum(noise(), 0.25))
+
+
+@kind("at full scale, which was given", (*ALLAN, "--full-scale", "0.3"))
+def full_scale():
+    return table(times(), np.clip(noise(), -0.3, 0.3))
+
+
+@kind("a fifth of the samples repeats the one before")
+def repeated_fifth():
+    values = noise()
+    for place in np.flatnonzero(np.random.default_rng(5).random(COUNT - 1) < 0.2) + 1:
+        values[place] = values[place - 1]
+    return table(times(), values)
+
+
+@kind("stuck for the last fifth")
+def stuck_end():
+    values = noise()
+    values[3200:] = values[3199]
+    return table(times(), values)
+
+
+@kind("read at twice the sensor's rate: every sample twice")
+def read_twice():
+    return table(times(), np.repeat(noise(COUNT // 2), 2))
+
+
+@kind("a column that never moves", truth=None)
+def constant():
+    return table(times(), np.full(COUNT, 17.937))
+
+
+@kind("a bandwidth beyond half of the rate", (*ALLAN, "--bandwidth", "300"))
+def aliased():
+    return table(times(), noise())
+
+
+@kind("rad/s where the data sheet has deg/s", (*ALLAN, "--noise-density", "0.01"), TRUTH)
+def radians():
+    return table(times(), noise() * math.pi / 180)
+
+
+@kind("m/s^2 where the data sheet has g", ("allan", "FILE", "--time", "1", "--unit", "g", "--noise-density", "0.01"))
+def metres():
+    return table(times(), noise() * 9.80665)
+
+
+@kind("mdeg/s where the data sheet has deg/s", (*ALLAN, "--noise-density", "0.01"))
+def milli():
+    return table(times(), noise() * 1000)
+
+
+@kind("one axis of three in rad/s")
+def one_axis():
+    return table(times(), noise(seed=1), noise(seed=2), noise(seed=3) * math.pi / 180, head="t,x,y,z")
+
+
+@kind("samples that are NaN")
+def nan_samples():
+    values = noise()
+    values[[5, 900, 901]] = np.nan
+    return table(times(), values)
+
+
+@kind("a sample that is infinite")
+def infinite():
+    values = noise()
+    values[900] = np.inf
+    return table(times(), values)
+
+
+@kind("a column that is NaN throughout", truth=None)
+def all_nan():
+    return table(times(), np.full(COUNT, np.nan))
+
+
+# Numbers near the ends
+
+
+@kind("values of 1e300", truth=None)
+def huge():
+    return table(times(), noise() * 1e300)
+
+
+@kind("values of 1e-200", truth=None)
+def tiny():
+    return table(times(), noise() * 1e-200)
+
+
+@kind("an offset of 1e12 standard deviations", truth=None)
+def offset():
+    return table(times(), noise() + 1e11, form="%.17g")
+
+
+@kind("an empty file", truth=None)
+def empty():
+    return ""
+
+
+@kind("a header without rows", truth=None)
+def header_only():
+    return "t,x\n"
+
+
+@kind("two samples", truth=None)
+def two():
+    return "t,x\n0,1\n0.01,2\n"
+
+
+@kind("two samples without times", UNTIMED, truth=None)
+def two_untimed():
+    return "x\n1\n2\n"
+
+
+@kind("one sample without times", UNTIMED, truth=None)
+def one_untimed():
+    return "x\n1\n"
+
+
+@kind("a last line that is torn off")
+def torn():
+    return table(times(), noise()) + "40.00,0."
+
+
+@kind("a row with a cell too many", truth=None)
+def ragged():
+    return table(times(), noise()) + "40.00,0.1,7\n40.01,0.1\n"
+
+
+def page() -> str:
+    """Return the page: a row for each kind, with what the command says."""
+    lines = [
+        "# Ugly logs",
+        "",
+        "What `hil analyse` says to logs that are not as they should be. Each kind is a generated file with a known",
+        "truth: white noise of 0.01 deg/s/sqrt(Hz) at 100 Hz where nothing else is said. There are three outcomes: a",
+        "*value*, which is within its uncertainty of the truth; a *flag*: the coefficients are inconclusive, not",
+        "observable or rejected; or an *error*. A test runs every kind and holds this table, which",
+        "`python tests/support/ugly_logs.py` writes.",
+        "",
+        "| log | command | outcome | what is said |",
+        "|---|---|---|---|",
+    ]
+    with tempfile.TemporaryDirectory() as folder:
+        for ugly in KINDS.values():
+            found = said(ugly, Path(folder))
+            options = " ".join(each for each in ugly.command if each != "FILE")
+            sentence = found.sentence.replace("|", "\\|") or "nothing"
+            lines.append(f"| {ugly.title} | `{options}` | {found.outcome} | {sentence} |")
+    return "\n".join(lines) + "\n"
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8")
