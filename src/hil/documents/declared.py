@@ -79,7 +79,7 @@ class Document(Generic[_Model]):
 
     def is_sound(self, path: Path) -> bool:
         """Return whether everything at and below a path was read as it is declared."""
-        return all(wrong[: len(path)] != path for wrong in self.wrong)
+        return not self.wrong or all(wrong[: len(path)] != path for wrong in self.wrong)
 
     def follows(self, path: Path) -> bool:
         """Return whether what is wrong at a path may only follow from what could not be read at, above or below it."""
@@ -87,8 +87,11 @@ class Document(Generic[_Model]):
 
     def place(self, path: Path) -> Place:
         """Return the place of the value at a path, of the name of an entry, or of the nearest parent that is there."""
+        node = node_at(self.root, path)
+        if isinstance(node, Scalar):
+            return node
         _, declaration = _declared(type(self.model))  # type: ignore[arg-type]  # a class is hashable
-        named = declaration.is_named(path) and isinstance(node_at(self.root, path), MappingNode)
+        named = isinstance(node, MappingNode) and declaration.is_named(path)
         return place_at(self.root, path, of_key=named)
 
 
@@ -332,7 +335,12 @@ class _Reading(Generic[_Model]):
 
     def _plain(self, node: Node, path: Path) -> object:
         if isinstance(node, MappingNode):
-            return {key.text: self._plain(value, (*path, key.text)) for key, value in node.entries}
+            return {
+                key.text: value.text
+                if isinstance(value, Scalar) and value.kind is ScalarKind.TEXT
+                else self._plain(value, (*path, key.text))
+                for key, value in node.entries
+            }
         if isinstance(node, Sequence):
             return [self._plain(item, (*path, index)) for index, item in enumerate(node.items)]
         if not isinstance(node, Scalar) or node.kind is ScalarKind.NOTHING:

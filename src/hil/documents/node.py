@@ -1,26 +1,30 @@
-"""A document as a tree of frozen nodes that know where they stand."""
+"""A document as a tree of frozen nodes that know where they stand; a large one has a hundred thousand of them."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import StrEnum
+
+import msgspec
 
 from hil.model.notation import Path
 
 __all__ = ["Mapping", "Node", "Place", "Scalar", "ScalarKind", "Sequence", "node_at", "place_at"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Place:
+class Place(msgspec.Struct, frozen=True, kw_only=True):
     """A place in a file, as shown to a person; line and column count from 1, 0 is the file as a whole."""
 
     path: str
     line: int = 0
     column: int = 0
 
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: object, handler: object) -> dict[str, object]:
+        # Declared models have places in fields that no file gives, so that there is nothing to read.
+        return {"type": "is-instance", "cls": cls}
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Node(Place):
+
+class Node(Place, frozen=True, kw_only=True):
     """Anything in a document."""
 
     @property
@@ -38,8 +42,7 @@ class ScalarKind(StrEnum):
     NOTHING = "nothing"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Scalar(Node):
+class Scalar(Node, frozen=True, kw_only=True):
     """A scalar: its text as written, and what that is. Quoted scalars are always text."""
 
     text: str
@@ -55,8 +58,7 @@ class Scalar(Node):
         return f"`{shown}`" if not self.quoted else f'"{shown}"'
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Sequence(Node):
+class Sequence(Node, frozen=True, kw_only=True):
     """A sequence of nodes."""
 
     items: tuple[Node, ...]
@@ -67,8 +69,7 @@ class Sequence(Node):
         return "a list"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Mapping(Node):
+class Mapping(Node, frozen=True, kw_only=True):
     """Keys, unique by their text, and values, in the order of the file."""
 
     entries: tuple[tuple[Scalar, Node], ...]
@@ -108,7 +109,9 @@ def place_at(root: Place, path: Path, *, of_key: bool = False) -> Place:
 def _entry(node: Place | None, part: str | int) -> tuple[Node, Node] | None:
     """Return key and value below a node; an item of a list has no key but itself."""
     if isinstance(node, Mapping):
-        return next((entry for entry in node.entries if entry[0].text == part), None)
+        for entry in node.entries:
+            if entry[0].text == part:
+                return entry
     if isinstance(node, Sequence) and isinstance(part, int) and 0 <= part < len(node.items):
         return node.items[part], node.items[part]
     return None

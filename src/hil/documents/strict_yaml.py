@@ -115,7 +115,7 @@ class _Composer:
             deep, many = f"nested deeper than {_DEEPEST} levels", f"more than {_MOST_NODES} keys and values"
             self._refuse(event, deep if depth > _DEEPEST else f"{many}, the rest was not read")
             raise _Stop
-        if type(event) is yaml.ScalarEvent and not event.anchor:
+        if type(event) is yaml.ScalarEvent and not event.anchor:  # as most are
             return self._scalar(event)
         if isinstance(event, yaml.AliasEvent):
             self._refuse(event, f"the alias *{str(event.anchor)[:60]} is not allowed, write the value out")
@@ -138,7 +138,7 @@ class _Composer:
         # Everything hidden that the file holds as such was refused before; in double quotes it may hide in an escape.
         if event.style == '"' and (hidden := hidden_character(text)):
             self._refuse(event, f"the text holds character U+{ord(hidden[0]):04X}, which is not allowed")
-        kind = ScalarKind.TEXT if quoted else self._kind(event, text)
+        kind = ScalarKind.TEXT if quoted or _PLAIN.match(text) else self._kind(event, text)
         mark = event.start_mark
         return Scalar(
             path=self._shown,
@@ -150,8 +150,6 @@ class _Composer:
         )
 
     def _kind(self, event: yaml.ScalarEvent, text: str) -> ScalarKind:
-        if _PLAIN.match(text):
-            return ScalarKind.TEXT
         if text in _NOTHING:
             return ScalarKind.NOTHING
         if text in _FLAGS:
@@ -190,6 +188,8 @@ class _Composer:
     def _is_key(self, key: Node, entries: dict[str, tuple[Scalar, Node]]) -> bool:
         if not isinstance(key, Scalar):
             self._refuse_at(key, f"{key.described} cannot be a key")
+        elif key.kind is ScalarKind.TEXT and key.text not in entries and (key.quoted or key.text != "<<"):
+            return True  # as most are
         elif key.text == "<<" and not key.quoted:
             self._refuse_at(key, "the merge key << is not allowed, write the entries out")
         elif not key.text and not key.quoted:

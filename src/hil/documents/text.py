@@ -139,13 +139,14 @@ def decoded(data: bytes, shown: str, findings: Findings) -> str | None:
         )
         return None
     text = text.removeprefix(_BYTE_ORDER_MARK).replace("\r\n", "\n").replace("\r", "\n")
-    before = len(findings)
+    if not hidden_character(text):
+        return text
     for number, line in enumerate(text.split("\n"), 1):
         match = hidden_character(line)
         if match:
             place = Place(path=shown, line=number, column=match.start() + 1)
             findings.add(place, f"character U+{ord(match[0]):04X} is not allowed, remove it")
-    return text if len(findings) == before else None
+    return None
 
 
 def _place_of_byte(data: bytes, offset: int, shown: str) -> Place:

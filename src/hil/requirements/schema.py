@@ -10,6 +10,7 @@ from pathlib import Path as File
 
 from hil.documents import declared
 from hil.documents.findings import Findings
+from hil.documents.node import Place
 from hil.documents.text import read_bytes
 from hil.model.notation import Path, Text
 from hil.requirements.requirement import Decision, Document, Kind, Limit, PlannedRequirement, Records, Requirement
@@ -75,12 +76,18 @@ def read_requirements(file: File, shown: str, plan: str, findings: Findings) -> 
 def parse_requirements(data: bytes, shown: str, plan: str, findings: Findings) -> RequirementFile | None:
     """Return what the content of a file holds, as `read_requirements` does; equal contents are read once.
 
-    A workspace and the packages of its runs hold the same files many times.
+    A workspace and the packages of its runs hold the same files many times. Who does not show places leaves `shown`
+    empty.
     """
     sound = _sound(data, plan)
     if sound is None:
         return _parsed(data, shown, plan, findings)
-    placed = (replace(item, place=replace(item.place, path=shown)) for item in sound.requirements)
+    if not shown:
+        return sound
+    placed = (
+        replace(item, place=Place(path=shown, line=item.place.line, column=item.place.column))
+        for item in sound.requirements
+    )
     return replace(sound, path=shown, requirements=tuple(placed))
 
 

@@ -175,7 +175,7 @@ def _catalogue(sources: Sources, run: Run) -> Iterator[Finding]:
     due: dict[str, FrozenRequirement] = {}
     for plan in run.plans:
         path = f"{_PLANS}/{plan}/{REQUIREMENTS}"
-        asked = _asked(read_plain(sources.folder / path), path, plan) if (sources.folder / path).exists() else None
+        asked = _asked(read_plain(sources.folder / path), plan) if (sources.folder / path).exists() else None
         if asked is None:
             yield Finding(shown(path), 0, 0, "its requirements cannot be read, and not be compared")
             return
@@ -195,9 +195,9 @@ def _catalogue(sources: Sources, run: Run) -> Iterator[Finding]:
 
 
 @lru_cache(maxsize=_KEPT)
-def _asked(data: bytes, path: str, plan: str) -> dict[str, FrozenRequirement] | None:
+def _asked(data: bytes, plan: str) -> dict[str, FrozenRequirement] | None:
     """Return the requirements of a plan's own file as they are frozen; runs of one plan have the same file."""
-    file = parse_requirements(data, path, plan, Findings())
+    file = parse_requirements(data, "", plan, Findings())
     return None if file is None else entries_of(file.requirements)
 
 
