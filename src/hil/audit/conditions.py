@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Hashable, Iterator, Mapping, Sequence
+
+import msgspec
 
 from hil.audit.accepted import Accepted
 from hil.audit.document import Code, Reason
@@ -15,7 +16,7 @@ from hil.model.verdict import Verdict
 from hil.registers.history import calibration_problem, doubts, events_after
 from hil.registers.instruments import RegisteredInstrument
 
-__all__ = ["CONDITIONS", "Claim", "of_claim"]
+__all__ = ["CONDITIONS", "Claim", "Conditions", "of_claim"]
 
 _SHORT = 8
 _DAY_S = 86_400.0
@@ -24,8 +25,7 @@ _ELSEWHERE = frozenset({"SIMULATED", "REPLAYED", "UNKNOWN"})
 """How a run's own reasons begin where bytes did not come from hardware."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Claim:
+class Claim(msgspec.Struct, frozen=True, kw_only=True):
     """What one package says of one requirement, and what it is judged by."""
 
     asked: Asked
@@ -33,7 +33,39 @@ class Claim:
     result: Result
     world: World
     ledgered: Ledgered
-    accepted: Accepted = field(default_factory=Accepted)
+    accepted: Accepted = msgspec.field(default_factory=Accepted)
+
+
+class Conditions:
+    """The conditions of the claims of one world: what they say of claims that are alike is found out once."""
+
+    def __init__(self) -> None:
+        self._known: dict[Hashable, tuple[Reason, ...]] = {}
+
+    def of_claim(self, claim: Claim) -> tuple[Reason, ...]:
+        """Return what `of_claim` does."""
+        looked_at = _looked_at(claim)
+        if looked_at not in self._known:
+            self._known[looked_at] = of_claim(claim)
+        return self._known[looked_at]
+
+
+def _looked_at(claim: Claim) -> Hashable:
+    """Return everything of a claim that a condition looks at; world and ledger are the same for all of them."""
+    asked, result = claim.asked, claim.result
+    meanings = (asked.rev, asked.fingerprint, result.rev, result.fingerprint)
+    return (
+        id(claim.package),
+        result.verdict,
+        result.reasons,
+        result.of_simulation,
+        result.eligible,
+        result.instruments,
+        asked.part_numbers,
+        asked.max_age_s,
+        asked.id if claim.accepted.reports else "",
+        "" if result.fingerprint == asked.fingerprint else meanings,
+    )
 
 
 def of_claim(claim: Claim) -> tuple[Reason, ...]:

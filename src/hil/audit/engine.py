@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from hil.audit.accepted import Accepted, accepted
-from hil.audit.conditions import Claim, of_claim
+from hil.audit.conditions import Claim, Conditions
 from hil.audit.document import (
     FORMAT,
     CloseOut,
@@ -174,6 +174,7 @@ class _Judging:
     filed: Accepted
     world: World
     present: frozenset[str]
+    conditions: Conditions = field(default_factory=Conditions)
 
     def claim(self, asked: Asked, package: Package) -> Claim:
         """Return what a package says of a requirement, and what that is judged by."""
@@ -191,7 +192,7 @@ class _Judging:
 def _row(
     asked: Asked, claims: Sequence[Claim], below: Sequence[Row], by: _Judging, planned: tuple[str, ...] | None
 ) -> Row:
-    evidence = tuple(map(_evidence, claims))
+    evidence = tuple(_evidence(each, by.conditions.of_claim(each)) for each in claims)
     by_itself = asked.kind != Kind.PARENT
     waived = by.filed.waiver_of(asked, by.world) if by_itself else None
     against = tuple(_against(asked, claims, evidence, by, waived)) if by_itself else ()
@@ -237,9 +238,8 @@ def _row(
     )
 
 
-def _evidence(claim: Claim) -> Evidence:
+def _evidence(claim: Claim, reasons: tuple[Reason, ...]) -> Evidence:
     package, result = claim.package, claim.result
-    reasons = of_claim(claim)
     return Evidence(
         package=package.folder,
         digest=package.digest,

@@ -32,31 +32,34 @@ def quick_canonical(value: object) -> bytes:
         return canonical(plain(value))
 
 
-def is_text_of(text: bytes, value: object) -> bool:
+def is_text_of(text: bytes, value: object, *, plain_numbers: bool = False) -> bool:
     """Return whether `quick_canonical` gives this text, for what was read from JSON or derived from it.
 
     The library writes a value ten times as fast. Its text is the canonical one, too, where no number in it is one that
     RFC 8785 writes in a form of its own; whether one may be is seen without reading the text.
+
+    Args:
+        text: the text.
+        value: the value.
+        plain_numbers: whether it is known that all numbers are whole and have less than 16 digits, and all keys ASCII.
     """
     quick = _ENCODE(value)
+    if plain_numbers:
+        return quick == text
     if b".0" in quick:
-        quick = _WHOLE.sub(_without_fraction, quick)
+        quick = _WHOLE.sub(rb'":\1', quick)
     return (quick == text and not _in_doubt(quick)) or quick_canonical(value) == text
 
 
 _ENCODE = msgspec.json.Encoder(order="sorted").encode
-_WHOLE = re.compile(rb'":(?:-?[1-9][0-9]*|0)\.0(?=[,}])')
+_WHOLE = re.compile(rb'":(?<=[0-9A-Za-z]":)(-?[1-9][0-9]*|0)\.0(?=[,}])')
+"""A whole number; where no key ends before it, it stands in a text that begins with a colon."""
 _ZEROS = bytes.maketrans(b"123456789", b"000000000")
-_LONG, _BEFORE = b"0" * 16, (b":", b",", b"[", b"-")
-"""The digits of the largest integers of JSON, and what may stand before an integer; a fraction may have as many."""
+_LONG = b"0" * 16
+_LONG_INTEGER = re.compile(b"[:,[-]0{16}")
+"""One of the largest integers of JSON, after what may stand before it; a fraction may have as many digits."""
 _BEYOND = re.compile(b"[\xf0-\xf7]")
 """How characters begin by which RFC 8785 orders keys otherwise."""
-
-
-def _without_fraction(found: re.Match[bytes]) -> bytes:
-    """Return a number without `.0`; where no key ends before it, it stands in a text that begins with a colon."""
-    of_key = found.string[found.start() - 1 : found.start()].isalnum()
-    return found[0][:-2] if of_key else found[0]
 
 
 def _in_doubt(text: bytes) -> bool:
@@ -64,7 +67,7 @@ def _in_doubt(text: bytes) -> bool:
     if b".0," in text or b".0}" in text or b".0]" in text:  # a whole number that is not a member
         return True
     zeros = text.translate(_ZEROS)
-    if b"0e0" in zeros or b"0e-" in zeros or (_LONG in zeros and any(sign + _LONG in zeros for sign in _BEFORE)):
+    if b"0e0" in zeros or b"0e-" in zeros or (_LONG in zeros and _LONG_INTEGER.search(zeros) is not None):
         return True
     return not text.isascii() and _BEYOND.search(text) is not None
 

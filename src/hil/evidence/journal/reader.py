@@ -11,6 +11,8 @@ from itertools import islice, takewhile
 from pathlib import Path
 from typing import Any, BinaryIO
 
+import msgspec
+
 from hil.documents.canonical import JsonError, parse_strict
 from hil.evidence.durable import open_plain, read_plain, sync_file, sync_folder
 from hil.evidence.events import Event, Results
@@ -70,6 +72,7 @@ class JournalLine:
         wall: what is true of this place and moment only: the stamp, and hashes of files that hold such things.
         raw: the body's bytes.
         rest: the line's bytes after the body.
+        as_written: whether it was read as the writer writes it; else nobody has looked.
     """
 
     number: int
@@ -77,6 +80,7 @@ class JournalLine:
     wall: Body
     raw: bytes
     rest: bytes
+    as_written: bool = False
 
     @property
     def sha256(self) -> str:
@@ -86,9 +90,7 @@ class JournalLine:
     @property
     def canonical(self) -> bool:
         """Whether every byte of the line is as the writer writes it."""
-        before, wall = self.rest[_WALL : (at := _WALL + len(_AFTER_PREVIOUS))], self.rest[at:-1]
-        closed = self.rest.endswith(b"}") and before == _AFTER_PREVIOUS
-        return closed and is_text_of(self.raw, self.event) and is_text_of(wall, self.wall)
+        return self.as_written or _is_written(self.raw, self.rest, self.event, self.wall)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -252,9 +254,12 @@ def _reading(stream: BinaryIO) -> JournalReading:
             torn = raw
             break
         try:
-            body, wall, named = _parts(raw[:-1], whole=head is None)
+            if head is None and (written := _as_written(number, raw)) is not None:
+                body, named, line = written
+            else:
+                body, wall, named = _parts(raw[:-1], whole=head is None)
+                line = _line(number, raw, body, wall)
             first = first if number > 1 else body
-            line = _line(number, raw, body, wall)
         except JsonError as error:
             findings.append(_finding(number, error.bare, error.column))
         else:
@@ -262,6 +267,42 @@ def _reading(stream: BinaryIO) -> JournalReading:
             findings.extend(_out_of_place(line, named, previous))
         previous = head or hashlib.sha256(raw[:-1]).hexdigest()
     return JournalReading(lines=tuple(lines), first=first, torn=torn, findings=tuple(findings), head=previous)
+
+
+def _as_written(number: int, raw: bytes) -> tuple[Body, str, JournalLine] | None:
+    """Return body, predecessor and line of what the writer wrote; None for any other, which has to be read strictly.
+
+    The library reads a line many times as fast, and takes what must be refused, such as a key that stands twice. What
+    it found is what the line says exactly where every byte follows from it.
+    """
+    cut = raw.rfind(_BEFORE_PREVIOUS)
+    text, rest = raw[len(_START) : cut], raw[cut:-1]
+    try:
+        found = _DECODE(raw)
+        body, wall, named = _shared(found.body), _shared(found.wall), found.prev
+        event = decode(body)
+        whole = raw.startswith(_START) and "t" in body and rest[len(_BEFORE_PREVIOUS) : _WALL] == named.encode()
+        if not whole or not _is_written(text, rest, event, wall):
+            return None
+    except (msgspec.MsgspecError, UnicodeError, RecursionError, JsonError):
+        return None
+    return body, named, JournalLine(number=number, event=event, wall=wall, raw=text, rest=rest, as_written=True)
+
+
+def _is_written(text: bytes, rest: bytes, event: Event, wall: Body) -> bool:
+    """Return whether every byte of a line is as the writer writes it, but for what it names as its predecessor."""
+    between, stamp = rest[_WALL : (at := _WALL + len(_AFTER_PREVIOUS))], rest[at:-1]
+    closed = rest.endswith(b"}") and between == _AFTER_PREVIOUS
+    return closed and is_text_of(text, event) and is_text_of(stamp, wall)
+
+
+class _Line(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    body: dict[str, Any]
+    prev: str
+    wall: dict[str, Any]
+
+
+_DECODE = msgspec.json.Decoder(_Line).decode
 
 
 def _raw_lines(stream: BinaryIO) -> Iterator[tuple[bytes, str | None]]:

@@ -37,7 +37,6 @@ from hil.evidence.results.derived import Sources
 from hil.evidence.results.eligibility import against_hardware
 from hil.evidence.results.facts import Catalogue, DamagedFile
 from hil.evidence.results.outcome import FORMAT, is_outcome, without_sentences, write_outcome
-from hil.evidence.state import fold
 from hil.model.errors import EvidenceError, Finding, HilError
 from hil.model.identity import Source
 
@@ -218,7 +217,7 @@ def named_results(reading: JournalReading, hashes: Hashes) -> Iterator[Finding]:
         reading: at least the last two lines of the journal.
         hashes: path and SHA-256 of every file below `data`.
     """
-    named = fold(reading.events).results
+    named = next((event for event in reversed(reading.events) if isinstance(event, Results)), None)
     if named is not None and named.sha256 != hashes.get(RESULTS, named.sha256):
         yield Finding(RESULTS, 0, 0, "it is not the file that the journal's event results names")
     if named is not None and named.guardian and named.guardian != hashes.get(GUARDIAN):

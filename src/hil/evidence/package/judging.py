@@ -17,6 +17,8 @@ from hil.requirements.units import UnitError, convert
 __all__ = ["judge_again"]
 
 _LAST_DIGITS = 1e-9
+_NOTHING = FrozenRequirement()
+_STATUSES = frozenset(FigureStatus)
 
 
 def judge_again(check: Check, catalogue: Catalogue) -> Iterator[str]:
@@ -31,7 +33,7 @@ def judge_again(check: Check, catalogue: Catalogue) -> Iterator[str]:
         catalogue: the frozen requirements, with their limits.
     """
     name = f"{check.requirement} {check.parameter}"
-    entry = catalogue.get(check.requirement, FrozenRequirement())
+    entry = catalogue.get(check.requirement, _NOTHING)
     frozen = _frozen_limit(check, entry)
     written = _written_limit(check)
     if check.requirement not in catalogue:
@@ -49,11 +51,15 @@ def judge_again(check: Check, catalogue: Catalogue) -> Iterator[str]:
     if verdict is not due and (verdict.good or not _may_be_worse(check, again)):
         yield f"{name}: field 'verdict' is {verdict}, and its value gives {due} {again.reason}".rstrip()
     tolerance = _tolerance(check, again)
-    for field in ("expanded", "margin", "tur"):
+    for field, was, right, apart in (
+        ("expanded", check.expanded, again.expanded, tolerance),
+        ("margin", check.margin, again.margin, tolerance),
+        ("tur", check.tur, again.tur, 0.0),
+    ):
         if field == "tur" and check.value is None:
             continue  # earlier versions gave one of a value that is not a number
-        if not _same(getattr(check, field), getattr(again, field), 0.0 if field == "tur" else tolerance):
-            yield f"{name}: field '{field}' is {getattr(check, field)}, and its value gives {getattr(again, field)}"
+        if not _same(was, right, apart):
+            yield f"{name}: field '{field}' is {was}, and its value gives {right}"
 
 
 def _unfit(check: Check, limit: Limit) -> Iterator[str]:
@@ -62,10 +68,10 @@ def _unfit(check: Check, limit: Limit) -> Iterator[str]:
         yield f"field 'uncertainty' is {check.uncertainty}, and must not be negative"
     if check.dof is not None and not check.dof > 0:
         yield f"field 'dof' is {check.dof}, and must be above zero"
-    if check.status and check.status not in set(FigureStatus):
+    if check.status and check.status not in _STATUSES:
         yield f"field 'status' is '{check.status}', and must be one of {', '.join(FigureStatus)}"
-    for side in ("min", "max"):
-        if (bound := getattr(check.limit, side)) is not None and not _is_number(bound):
+    for side, bound in (("min", check.limit.min), ("max", check.limit.max)):
+        if bound is not None and not _is_number(bound):
             yield f"field 'limit.{side}' is '{bound}', and must be a number"
     if not isinstance(check.value, str) and limit.unit and limit.equals is None:
         try:
@@ -74,6 +80,7 @@ def _unfit(check: Check, limit: Limit) -> Iterator[str]:
             yield f"field 'unit' is '{check.unit}', and the limit is in {limit.unit}: {error}"
 
 
+@lru_cache
 def _is_number(text: str) -> bool:
     try:
         return math.isfinite(float(text))

@@ -147,6 +147,7 @@ def _verify_sealed(folder: Path) -> Verification:
     if findings:
         return Verification(folder=folder, state=State.DAMAGED, findings=tuple(dict.fromkeys(findings)))
     told = fold(reading.events)
+    stands = standing(reading.events)
     return Verification(
         folder=folder,
         state=State.SEALED,
@@ -159,7 +160,7 @@ def _verify_sealed(folder: Path) -> Verification:
         operator=told.run.operator if told.run else "",
         deviates=bool(told.deviations),
         exceptions=told.exceptions,
-        complete=not fold(standing(reading.events)).interrupted,
+        complete=not (told if len(stands) == len(reading.events) else fold(stands)).interrupted,
     )
 
 

@@ -11,16 +11,15 @@ from pathlib import Path
 import msgspec
 
 from hil.evidence.attempts import abandoned
-from hil.evidence.events import Event
+from hil.evidence.events import Check, Event
 from hil.evidence.journal.reader import JournalReading
-from hil.evidence.results.eligibility import of_requirement, of_run, reasons_in, sources_of
+from hil.evidence.results.eligibility import Eligibility, sources_of
 from hil.evidence.results.facts import Facts, FrozenCalibration, FrozenRequirement, facts_of
 from hil.evidence.results.outcome import (
     FORMAT,
     AttemptOutcome,
     CaseOutcome,
     CaseVerdict,
-    Condition,
     HoldOutcome,
     Outcome,
     RequirementOutcome,
@@ -102,7 +101,8 @@ def derive(events: Iterable[Event], facts: Facts, *, content_digest: str, form: 
     for case in cases:
         for identifier in case.requirements:
             carried.setdefault(identifier, []).append(case)
-    conditions = of_run(state, facts) if form > _REASONS_ONLY else None
+    checks = _by_requirement(check for case in cases for check in case.checks)
+    eligibility = Eligibility(state, facts) if form > _REASONS_ONLY else None
     return Outcome(
         format=form,
         run=state.run and msgspec.structs.replace(state.run, deviations=state.deviations),
@@ -112,19 +112,19 @@ def derive(events: Iterable[Event], facts: Facts, *, content_digest: str, form: 
         content_digest=content_digest,
         cases=cases,
         requirements=tuple(
-            _requirement(each, carried.get(each, []), state, facts, conditions)
+            _requirement(each, carried.get(each, ()), checks.get(each, ()), state, facts, eligibility)
             for each in sorted(carried.keys() | _due(facts))
         ),
         counts=dict(Counter(case.verdict for case in cases)),
         verdict=_verdict_of_run(cases, state),
-        conditions=conditions,
+        conditions=None if eligibility is None else eligibility.of_run,
     )
 
 
 def _case(case: CaseState, state: RunState, facts: Facts, form: int) -> CaseOutcome:
-    checked = (check.requirement for check in case.checks)
+    checked = _by_requirement(case.checks)
     identifiers = sorted({*case.planned.requirements, *checked, *case.earlier})
-    requirements = {identifier: _within(identifier, case, facts, form) for identifier in identifiers}
+    requirements = {each: _within(each, case, checked.get(each, ()), facts, form) for each in identifiers}
     return CaseOutcome(
         case=case.planned.case,
         title=case.planned.title,
@@ -149,6 +149,13 @@ def _case(case: CaseState, state: RunState, facts: Facts, form: int) -> CaseOutc
         holds=_holds(case) if form > 1 else None,
         repeatable=case.planned.repeatable if form > _WITHOUT_GIVEN_UP else "",
     )
+
+
+def _by_requirement(checks: Iterable[Check]) -> dict[str, list[Check]]:
+    found: dict[str, list[Check]] = {}
+    for check in checks:
+        found.setdefault(check.requirement, []).append(check)
+    return found
 
 
 def _used(case: CaseState, state: RunState, form: int) -> Mapping[str, str]:
@@ -191,10 +198,9 @@ def _holds(case: CaseState) -> tuple[HoldOutcome, ...]:
     )
 
 
-def _within(identifier: str, case: CaseState, facts: Facts, form: int) -> Verdict:
+def _within(identifier: str, case: CaseState, checks: Sequence[Check], facts: Facts, form: int) -> Verdict:
     """Return what one case says of one requirement: the worst of its checks, of the case's word, and of its end."""
     own = case.own_verdict
-    checks = [check for check in case.checks if check.requirement == identifier]
     entry = facts.catalogue.get(identifier, _NOTHING)
     limits = entry.limits
     due = {(limit.parameter, of) for limit in limits for of in limit.of or (None,)}
@@ -217,17 +223,18 @@ def _within(identifier: str, case: CaseState, facts: Facts, form: int) -> Verdic
 def _requirement(
     identifier: str,
     cases: Sequence[CaseOutcome],
+    checks: Sequence[Check],
     state: RunState,
     facts: Facts,
-    of_all: tuple[Condition, ...] | None,
+    eligibility: Eligibility | None,
 ) -> RequirementOutcome:
     entry = facts.catalogue.get(identifier, _NOTHING)
     verdict = worst(case.requirements[identifier] for case in cases) if cases else Verdict.NOT_RUN
-    own = None if of_all is None else of_requirement(identifier, verdict, cases, state, facts)
+    own = None if eligibility is None else eligibility.of_requirement(identifier, verdict, cases, checks)
     reasons = (
         tuple(reasons_against(identifier, verdict, cases, state, facts))
-        if of_all is None or own is None
-        else reasons_in((*of_all, *own))
+        if eligibility is None or own is None
+        else eligibility.reasons_in(own)
     )
     return RequirementOutcome(
         id=identifier,
@@ -238,7 +245,7 @@ def _requirement(
         source=entry.source,
         verdict=verdict,
         cases=tuple(CaseVerdict(case=case.case, verdict=case.requirements[identifier]) for case in cases),
-        checks=sum(check.requirement == identifier for case in cases for check in case.checks),
+        checks=len(checks),
         eligible=not reasons,
         reasons=reasons,
         conditions=own,

@@ -6,8 +6,10 @@ Nothing is taken for granted. What the package does not show is not proven, and 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache, lru_cache
 
-from hil.evidence.events import Gate
+from hil.evidence.events import Check, Gate
 from hil.evidence.results.facts import Facts, FrozenCalibration, FrozenRequirement
 from hil.evidence.results.outcome import EXCEPTION, CaseOutcome, Condition
 from hil.evidence.results.software import TELLS_OF_EXECUTED, condition, each_of, of_software
@@ -15,7 +17,7 @@ from hil.evidence.state import RunState
 from hil.model.identity import Model, Purpose, Source
 from hil.model.verdict import Verdict
 
-__all__ = ["MODELS", "against_hardware", "of_requirement", "of_run", "of_simulation", "reasons_in", "sources_of"]
+__all__ = ["MODELS", "Eligibility", "against_hardware", "of_run", "of_simulation", "reasons_in", "sources_of"]
 
 _NO_RECORD = FrozenCalibration()
 _NOTHING = FrozenRequirement()
@@ -25,6 +27,9 @@ MODELS = {Purpose.QUALIFICATION: Model.QM, Purpose.ACCEPTANCE: Model.FM}
 _OF_BENCH = frozenset({"source", "instruments", "port"})
 _OF_UNIT = frozenset({"model", "purpose"})
 _OTHER_PURPOSE = ", but the run's purpose is "
+_IN_CATALOGUE = condition("catalogue", True, "it is in the frozen catalogue")
+_NOT_IN_CATALOGUE = condition("catalogue", False, "it is not in the frozen catalogue")
+_FROM_INSTRUMENTS = condition("values", True, "every value came from instruments, recordings or people")
 
 
 def reasons_in(conditions: Iterable[Condition]) -> tuple[str, ...]:
@@ -52,39 +57,87 @@ def of_run(state: RunState, facts: Facts) -> tuple[Condition, ...]:
     )
 
 
-def of_requirement(
-    identifier: str, verdict: Verdict, cases: Sequence[CaseOutcome], state: RunState, facts: Facts
-) -> tuple[Condition, ...]:
-    """Return the conditions that concern one requirement.
+class Eligibility:
+    """What is proven of the requirements of one run; what several of them share is looked at once.
 
     Args:
-        identifier: the requirement.
-        verdict: its verdict in this run.
-        cases: the cases that carry it.
         state: what the events before the results tell.
         facts: what was frozen.
     """
-    entry = facts.catalogue.get(identifier, _NOTHING)
+
+    def __init__(self, state: RunState, facts: Facts) -> None:
+        self._facts = facts
+        self.of_run = of_run(state, facts)
+        """The conditions of the whole run."""
+        self._reasons = reasons_in(self.of_run)
+        self._verdict = cache(lambda verdict: condition("verdict", verdict.good, f"its verdict is {verdict}"))
+        self._stage = cache(lambda stage: tuple(_stage(stage, state)))
+        self._calibration = cache(lambda names: tuple(_calibration(sorted(names), facts)))
+        self._carried: dict[tuple[str, ...], _Carried] = {}
+        self._state = state
+
+    def of_requirement(
+        self, identifier: str, verdict: Verdict, cases: Sequence[CaseOutcome], checks: Sequence[Check]
+    ) -> tuple[Condition, ...]:
+        """Return the conditions that concern one requirement.
+
+        Args:
+            identifier: the requirement.
+            verdict: its verdict in this run.
+            cases: the cases that carry it.
+            checks: its checks in them.
+        """
+        entry = self._facts.catalogue.get(identifier)
+        carried = self._carried_by(cases)
+        names = carried.instruments.union(*{check.instruments for check in checks})
+        open_values = dict.fromkeys(reason for check in checks for reason in check.closes_nothing)
+        return (
+            self._verdict(verdict),
+            carried.coverage,
+            _NOT_IN_CATALOGUE if entry is None else _IN_CATALOGUE,
+            _method((entry or _NOTHING).method, answered=carried.answered),
+            *self._stage((entry or _NOTHING).stage),
+            *(each_of("values", open_values, "") if open_values else (_FROM_INSTRUMENTS,)),
+            *carried.of_used,
+            *self._calibration(names),
+        )
+
+    def reasons_in(self, conditions: Iterable[Condition]) -> tuple[str, ...]:
+        """Return why a requirement with these conditions cannot be closed: those of the run come first."""
+        return (*self._reasons, *reasons_in(conditions))
+
+    def _carried_by(self, cases: Sequence[CaseOutcome]) -> _Carried:
+        names = tuple(case.case for case in cases)
+        if names not in self._carried:
+            self._carried[names] = _carried(cases, self._state, self._facts)
+        return self._carried[names]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Carried:
+    """What is the same of all requirements that the same cases carry.
+
+    Attributes:
+        coverage: whether there are such cases.
+        answered: whether a person answered a question of them.
+        instruments: the instruments behind their recordings, and those with a certificate that they used.
+        of_used: the conditions of the instruments that they used.
+    """
+
+    coverage: Condition
+    answered: bool
+    instruments: frozenset[str]
+    of_used: tuple[Condition, ...]
+
+
+def _carried(cases: Sequence[CaseOutcome], state: RunState, facts: Facts) -> _Carried:
     used = {name: source for case in cases for name, source in case.used.items()}
-    checks = [check for case in cases for check in case.checks if check.requirement == identifier]
-    names = {name for check in checks for name in check.instruments} | _recorded_by(cases, state)
-    names |= {name for name in used if facts.calibration.get(name, _NO_RECORD).due}
-    open_values = dict.fromkeys(reason for check in checks for reason in check.closes_nothing)
-    return (
-        condition("verdict", verdict.good, f"its verdict is {verdict}"),
-        condition("coverage", bool(cases), _told(len(cases)), "no planned case carries it"),
-        condition(
-            "catalogue",
-            identifier in facts.catalogue,
-            "it is in the frozen catalogue",
-            "it is not in the frozen catalogue",
-        ),
-        _method(entry, cases, state),
-        *_stage(entry, state),
-        *each_of("values", open_values, "every value came from instruments, recordings or people"),
-        *_instruments(used),
-        *_identities(used, state),
-        *_calibration(sorted(names), facts),
+    certified = {name for name in used if facts.calibration.get(name, _NO_RECORD).due}
+    return _Carried(
+        coverage=condition("coverage", bool(cases), _told(len(cases)), "no planned case carries it"),
+        answered=any(state.cases[case.case].answers for case in cases),
+        instruments=frozenset(_recorded_by(cases, state) | certified),
+        of_used=(*_instruments(used), *_identities(used, state)),
     )
 
 
@@ -209,29 +262,29 @@ def _gates(state: RunState) -> Iterator[Condition]:
     yield from each_of("readiness", [*none, *refused, *left], f"{len(state.gates)} readiness gates hold")
 
 
-def _method(entry: FrozenRequirement, cases: Sequence[CaseOutcome], state: RunState) -> Condition:
-    if entry.method == "inspection":
-        answered = any(state.cases[case.case].answers for case in cases)
+@lru_cache
+def _method(method: str | None, *, answered: bool) -> Condition:
+    if method == "inspection":
         told = "its method is inspection, and nobody answered a question of its cases"
         return condition("method", answered, "its method is inspection, and a person answered", told)
-    told = f"its method is {entry.method}, which no run closes" if entry.method else "the requirement names no method"
-    return condition("method", entry.method == "test", "its method is test", told)
+    told = f"its method is {method}, which no run closes" if method else "the requirement names no method"
+    return condition("method", method == "test", "its method is test", told)
 
 
-def _stage(entry: FrozenRequirement, state: RunState) -> Iterator[Condition]:
+def _stage(stage: str, state: RunState) -> Iterator[Condition]:
     """A requirement of a stage is closed by a run for that purpose, on the model of that stage."""
     if state.run is None:
         return
     purpose, model = state.run.purpose, state.run.dut.model
-    wanted = {str(each): its for each, its in MODELS.items()}.get(entry.stage)
+    wanted = {str(each): its for each, its in MODELS.items()}.get(stage)
     if wanted is None:
-        told = f"its stage is {entry.stage}, which no run closes" if entry.stage else "the requirement names no stage"
+        told = f"its stage is {stage}, which no run closes" if stage else "the requirement names no stage"
         yield condition("stage", False, told)
         return
-    proof = f"its stage is {entry.stage}, and so is the purpose"
-    told = f"its stage is {entry.stage}{_OTHER_PURPOSE}{purpose}"
-    yield condition("stage", purpose == entry.stage, proof, told)
-    told = f"its stage is {entry.stage}, which takes {_a(wanted)}, but the device under test is {_a(model)}"
+    proof = f"its stage is {stage}, and so is the purpose"
+    told = f"its stage is {stage}{_OTHER_PURPOSE}{purpose}"
+    yield condition("stage", purpose == stage, proof, told)
+    told = f"its stage is {stage}, which takes {_a(wanted)}, but the device under test is {_a(model)}"
     if model in MODELS.values():
         yield condition("stage", model is wanted, f"its stage takes {_a(wanted)}, and the device is one", told)
 
