@@ -9,7 +9,9 @@ import msgspec
 import pytest
 from audited import ASKED, DUT, INSTRUMENT, certificate, closed_world, codes, package, result, row, world_of
 
+from hil.audit.conditions import Claim, Conditions, of_claim
 from hil.audit.inputs import Policy, Register, World
+from hil.audit.ledgered import ledgered
 from hil.evidence.ledger.entries import Replayed
 from hil.model.identity import UnitEvent, UnitEventKind
 from hil.registers.instruments import AsFound
@@ -115,6 +117,42 @@ WORLDS = {
         "it is 174 days old, and may be 90",
     ),
 }
+
+
+ALIKE = {
+    "asked": {"part_numbers": ("OTHER",), "max_age_s": 1.0, "fingerprint": "1" * 64, "rev": 2},
+    "result": {
+        "verdict": "FAIL",
+        "reasons": ("no operator is named",),
+        "eligible": False,
+        "instruments": ("dmm", "psu"),
+        "fingerprint": "2" * 64,
+        "rev": 3,
+    },
+}
+
+
+def test_claims_that_differ_in_anything_are_judged_on_their_own():
+    """What is found out once for claims that are alike is what each of them would have been told."""
+    claim = Claim(
+        asked=ASKED,
+        package=package(),
+        result=result(),
+        world=closed_world(),
+        ledgered=ledgered((), (), Policy(), ""),
+    )
+    others = [
+        msgspec.structs.replace(claim, **{part: msgspec.structs.replace(getattr(claim, part), **{name: value})})
+        for part, changes in ALIKE.items()
+        for name, value in changes.items()
+    ]
+    others.append(msgspec.structs.replace(claim, package=package(source="simulated")))
+    others += [
+        msgspec.structs.replace(claim, result=result(reasons=("x",), of_simulation=each)) for each in ((), ("x",))
+    ]
+    conditions = Conditions()
+    for each in (claim, *others, claim, *others):
+        assert conditions.of_claim(each) == of_claim(each)
 
 
 @pytest.mark.parametrize("name", WORLDS)

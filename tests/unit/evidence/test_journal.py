@@ -152,6 +152,47 @@ def test_a_line_that_is_no_event_is_a_finding(tmp_path, line):
     assert bodies(reading) == ()
 
 
+CHANGED = {
+    "nothing": (b"", b""),
+    "a key of the body twice": (b'"by":"Ada"', b'"by":"Ada","by":"Ada"'),
+    "a key of the wall twice": (b'"boot":1.5', b'"boot":1.5,"boot":1.5'),
+    "the predecessor twice": (b',"prev":', b',"prev":"","prev":'),
+    "a key that nobody knows": (b'{"body":', b'{"a":1,"body":'),
+    "no bench time": (b',"t":0.5', b""),
+    "a bench time that is none": (b'"t":0.5', b'"t":true'),
+    "a number with a zero more": (b'"t":0.5', b'"t":0.50'),
+    "a whole number as a fraction": (b'"seq":0', b'"seq":0.0'),
+    "a number that is too large": (b'"boot":1.5', b'"boot":1e999'),
+    "no number": (b'"boot":1.5', b'"boot":NaN'),
+    "more digits than a number holds": (b'"boot":1.5', b'"boot":12345678901234567890'),
+    "an escape": (b"Ada", b"\\u0041da"),
+    "half a character": (b"Ada", b"\\ud800"),
+    "bytes that are no text": (b"Ada", b"\xff"),
+    "a predecessor with an escape": (b'"prev":"000000', b'"prev":"\\u0030'),
+    "a short predecessor": (b'"prev":"0', b'"prev":"'),
+    "a space": (b'"wall":', b'"wall": '),
+    "keys in another order": (b'"boot":1.5,"boot_id":"one-boot"', b'"boot_id":"one-boot","boot":1.5'),
+}
+
+
+@pytest.mark.parametrize("change", CHANGED)
+def test_a_line_is_read_alike_quickly_and_strictly(tmp_path, monkeypatch, change):
+    """The quick way tells what the strict one tells, of what the writer wrote and of anything else."""
+    path = tmp_path / "journal.jsonl"
+    with journal_of(tmp_path) as journal:
+        journal.write(event_of("note", text="x", by="Ada"), 0.5)
+    path.write_bytes(path.read_bytes().replace(*CHANGED[change]))
+    readings = [read_journal(path)]
+    monkeypatch.setattr(reader, "_as_written", lambda *_: None)
+    readings.append(read_journal(path))
+    quick, strict = (
+        (each.events, each.first, each.findings, each.head, [(line.wall, line.raw, line.rest) for line in each.lines])
+        for each in readings
+    )
+    assert quick == strict
+    assert any(line.as_written for line in readings[0].lines) is (change == "nothing")
+
+
 def test_an_endless_line_is_not_held_in_memory(tmp_path, monkeypatch):
     """Its place is a finding, the chain goes on behind it, and the lines around it are read."""
     path = tmp_path / "journal.jsonl"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import msgspec
 import pytest
 from evidence_runs import (
     LIMIT,
@@ -56,6 +57,23 @@ def test_results_are_compared_to_the_byte_without_being_written(tmp_path, was, n
     changed = written.replace(was, now, 1)
     assert changed != written
     assert not is_outcome(changed, outcome)
+
+
+def test_results_of_many_requirements_are_compared_to_the_byte(tmp_path):
+    """Wherever among hundreds of requirements a byte differs, and however large a revision is."""
+    with begin(tmp_path) as journal:
+        whole_case(tmp_path, journal)
+    few = results_of(tmp_path, read_journal(tmp_path / JOURNAL))
+    for rev in (7, 2**53 - 1):
+        many = tuple(
+            msgspec.structs.replace(few.requirements[0], id=f"EPS-{number:03}", rev=rev) for number in range(250)
+        )
+        outcome = msgspec.structs.replace(few, requirements=many)
+        written = write_outcome(outcome)
+        assert is_outcome(written, outcome)
+        assert not is_outcome(written, msgspec.structs.replace(outcome, requirements=many[:-1]))
+        for number in (0, 99, 100, 249):
+            assert not is_outcome(written.replace(b'"EPS-%03d"' % number, b'"EPS-%03dx"' % number), outcome)
 
 
 def derived_from(events, facts, **options):
