@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import socket
@@ -14,6 +15,7 @@ from live_runs import seconds_until, served
 from told_as_json import results_as_json
 from told_pages import Written, steps_of
 from workspaces import ROOT, command_line, kill
+from wrapped_package import paths_of, written
 
 from hil.evidence.folder import JOURNAL
 from hil.evidence.ledger.book import read
@@ -174,3 +176,55 @@ def test_a_bad_reading_is_not_undone_by_kill_acknowledge_and_resume(tmp_path):
     (item, *_) = results["requirements"]
     assert (item["verdict"], item["eligible"]) == ("ABORTED", False)
     assert hil(root, "verify", folder.name).returncode == 0
+
+
+WRAPPED = {
+    "driver: keysight-e36300": "driver: acme-psu\n    timeout: 1 s\n    bytes_unseen: read by a multimeter, too",
+    "{manufacturer: Keysight Technologies, model: E36312A, serial: MY59000001}": "{model: P30, serial: A1}",
+    '{channel: "2", ': "{",
+    ', channel: "2",\n   settings: {over_voltage: "8"},': ",",
+    '      truth: {serial: MY59000001, load: "100.4"}': "      {}",
+}
+
+
+@pytest.mark.system
+@pytest.mark.alone
+@pytest.mark.timeout(150)
+def test_a_wrapped_supply_is_run_replayed_and_made_safe(tmp_path, monkeypatch):
+    """Calls stand in the place of bytes; the guardian acts after kill -9; a replay needs no code of the vendor."""
+    package, file, root = written(tmp_path / "acme"), tmp_path / "instrument.json", tmp_path / "own"
+    file.write_text(json.dumps({"voltage": 0.0, "limit": 0.0, "on": False, "ohms": 100.4}), encoding="utf-8")
+    workspace_of(root, 1, **WRAPPED, **{"TCPIP::127.0.0.1::1::SOCKET": f'"vendor:{file}"'})
+    change(root / "testplans/load/test_load.py", READS_AND_WAITS)
+    monkeypatch.setenv("PYTHONPATH", paths_of(package))
+    put_in_order(root)
+    done = hil(root, *RUN)
+    assert done.returncode == 0, done.stdout + done.stderr
+    run = Package(root / done.stdout.splitlines()[-1])
+    (item, *_) = results_as_json(run.outcome())["requirements"]
+    assert item["verdict"] == "PASS"
+    exception = "psu1: its bytes were not seen, only the calls of its vendor's driver: read by a multimeter, too"
+    assert run.state.exceptions == (exception,)
+    assert "its bytes were not seen" in " ".join((done.stdout + done.stderr).split())
+    assert not json.loads(file.read_text(encoding="utf-8"))["on"]
+    replayed = hil(root, "replay", run.folder.name, PYTHONPATH=paths_of(package, vendor=False))
+    assert replayed.returncode == 0, replayed.stdout + replayed.stderr
+
+    process = subprocess.Popen(command_line(*RUN), cwd=root, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    try:
+        seconds_until(
+            lambda: (
+                process.poll() is not None
+                or [each for each in root.glob(f"reports/*/{JOURNAL}") if b"supply.load.current" in each.read_bytes()][
+                    1:
+                ]
+            ),
+            60.0,
+            "a reading",
+        )
+        assert process.poll() is None
+        assert json.loads(file.read_text(encoding="utf-8"))["on"]
+    finally:
+        kill(process)
+        process.wait()
+    seconds_until(lambda: not json.loads(file.read_text(encoding="utf-8"))["on"], 4.0, "off")

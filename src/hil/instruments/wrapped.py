@@ -146,8 +146,9 @@ class WrappedOutput:
             raise AttributeError(name)
         operation = role.operations[name]
 
-        def perform(**arguments: Any) -> Any:  # noqa: ANN401 - of any role
-            return self._perform(operation, arguments)
+        def perform(*args: Any, **kwargs: Any) -> Any:  # noqa: ANN401 - of any role
+            _, *given = operation.signature.bind(self, *args, **kwargs).arguments.items()
+            return self._perform(operation, dict(given))
 
         perform.effect = operation.effect  # type: ignore[attr-defined]  # as every operation is marked
         return perform

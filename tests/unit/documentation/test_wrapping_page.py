@@ -13,13 +13,14 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from other_packages import install, uninstall
+from wrapped_package import PAGE, paths_of, written
 
 from hil.bench.binding import bind_replayed, bind_simulated
 from hil.bench.file.reading import load_bench
 from hil.bench.live import bind_live, reach_of_hardware
 from hil.bench.port_identity import source_gates
 from hil.cli.main import main
+from hil.documents import offers
 from hil.executive.watching.coverage import plan_of
 from hil.guardian.client import Guardian
 from hil.guardian.ports.dialogue import Patience
@@ -28,28 +29,21 @@ from hil.model.errors import ClampExceeded, ConfigurationError, NoReply, Rejecte
 from hil.model.identity import Source
 from hil.wire.transcript import Transcript, read_transcript
 
-PAGE = Path(__file__).parents[3] / "docs/how-to/wrap-a-vendor-driver.md"
-VENDOR = Path(__file__).parents[2] / "support/packages/acme_power"
 EPOCH = "2026-01-01T00:00:00Z"
 
 
 @pytest.fixture(scope="module", autouse=True)
 def project(tmp_path_factory):
     """Install the page's package and the vendor's, for this process and those that it starts."""
-    folder = tmp_path_factory.mktemp("acme")
-    text = PAGE.read_text(encoding="utf-8")
-    files = re.findall(r"`((?:src|fixtures|pyproject)[\w/.]*)`:\n\n```\w+\n(.*?)```", text, re.DOTALL)
-    for name, code in files:
-        path = folder / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(code, encoding="utf-8")
-    (folder / "src/acme_hil/__init__.py").write_text("", encoding="utf-8")
-    site = folder / "site"
-    install(folder, site)
-    before = os.environ.get("PYTHONPATH")
-    os.environ["PYTHONPATH"] = os.pathsep.join([str(folder / "src"), str(VENDOR), *([before] if before else [])])
+    folder = written(tmp_path_factory.mktemp("acme"))
+    entries = [str(folder / "site"), str(folder / "src")]
+    before, sys.path[:0] = os.environ.get("PYTHONPATH"), entries
+    offers._installed.cache_clear()
+    os.environ["PYTHONPATH"] = paths_of(folder)
     yield folder
-    uninstall(folder, site)
+    for each in entries:
+        sys.path.remove(each)
+    offers._installed.cache_clear()
     os.environ.pop("PYTHONPATH") if before is None else os.environ.update(PYTHONPATH=before)
     for name in [name for name in sys.modules if name.partition(".")[0] == "acme_hil"]:
         del sys.modules[name]
@@ -111,7 +105,7 @@ def test_the_vendors_driver_is_called_in_its_own_process(acme):
         assert bench.drivers["psu1"].identify().serial == "A1"
         supply = bench.roles["supply"]
         supply.disable()
-        supply.configure(voltage=3.3, current=0.5)
+        supply.configure(3.3, current=0.5)
         supply.enable()
         assert said(file) == {"voltage": 3.3, "limit": 0.5, "on": True}
         assert supply.sample() == pytest.approx((3.3, 0.33))
@@ -157,6 +151,7 @@ def test_its_safe_bytes_are_calls(acme, tmp_path):
     _must_end(file)
 
 
+@pytest.mark.system
 def test_the_guardian_switches_it_off_whoever_is_dead(acme, tmp_path):
     """Its drill proves it; later the vendor's process dies and the run after it: the guardian starts it again."""
     file, spec = acme

@@ -53,7 +53,7 @@ class PowerSupply:
         return self._ask()["on"]
 
     def measure(self, unit):
-        """Return volts or amperes into 10 ohm."""
+        """Return volts or amperes into 10 ohm, or what the file says."""
         state = self._ask()
         volts = state["voltage"] if state["on"] else 0.0
-        return volts if unit == "V" else volts / 10.0
+        return volts if unit == "V" else volts / state.get("ohms", 10.0)
