@@ -72,7 +72,10 @@ class Wrapped:
         """Return what fills the role that `wire` names."""
         settings.fits(wire, type(self).__name__, self.roles, self.channels)
         settings.read(wire, settings.NoSettings)
-        return WrappedOutput(self, self._connection, wire, ROLES[wire.role])
+        role = ROLES[wire.role]
+        if why := _why_not_wrapped(role):
+            raise Refused(f"wiring {wire.name}: the role {wire.role} cannot be wrapped, {why}", "write a driver for it")
+        return WrappedOutput(self, self._connection, wire, role)
 
     def call(self, name: str, arguments: dict[str, Any] | None = None, *, channel: int = 0) -> Any:  # noqa: ANN401 - JSON
         """Call an operation of the vendor's side and return its result; replies to earlier calls are passed over.
@@ -123,9 +126,9 @@ class Wrapped:
 class WrappedOutput:
     """What fills a role by a vendor's driver: every operation of the role is a call of the same name.
 
-    A setting is asked for clamps before it is sent, and compared with `settings` afterwards. What drives without an
-    argument, such as `enable`, is preceded by that question. The wrapped object says by `in_state(state)` whether it is
-    in a safe state.
+    Where the role has clamps, a setting needs one, is held to it before it is sent, and is compared with `settings`
+    afterwards. What drives without an argument, such as `enable`, first asks what is set, which must be permitted. The
+    wrapped object says by `in_state(state)` whether it is in a safe state.
 
     Args:
         driver: the driver.
@@ -186,27 +189,36 @@ class WrappedOutput:
         if not operation.drives:
             return self._measured(operation, self._call(operation.name, arguments))
         state = next((name for name, leads in self._role.states.items() if leads == operation.name), "")
-        if self._role.clamped and not arguments and not state:
-            self._permit(self._call("settings"))
-        self._permit(arguments)
+        wanted = {name: value for name, value in arguments.items() if name in self._role.quantities}
+        self._permit(self._settings() if self._role.clamped and not arguments and not state else wanted)
         self._call(operation.name, arguments)
         if state and self._call("in_state", {"state": state}) is not True:
             raise self._rejected(f"was to be {state} and is not")
-        if arguments.keys() & self._role.quantities.keys():
-            self._must_be_set(arguments)
+        if wanted:
+            self._must_be_set(wanted)
         return None
 
+    def _settings(self) -> dict[str, float]:
+        """Return what is set, by quantity; what has to be clamped must be among it."""
+        told = self._call("settings")
+        missing = [name for name in self._role.clamped if not isinstance(told, dict) or name not in told]
+        if missing:
+            raise Garbled(self._connection.device, f"settings does not say its {' and '.join(missing)}", "correct it")
+        units = self._role.quantities
+        return {name: self._figure("settings", told[name], units[name]).value for name in told if name in units}
+
     def _must_be_set(self, wanted: dict[str, Any]) -> None:
-        found = self._call("settings")
-        for name in wanted.keys() & self._role.quantities.keys():
-            said = found.get(name)
-            if said is None or not math.isclose(said, wanted[name], rel_tol=_SAME, abs_tol=_SAME):
-                raise self._rejected(f"{name} was set to {wanted[name]:g} and reads back as {said}")
+        found = self._settings()
+        for name, value in wanted.items():
+            if not math.isclose(found.get(name, math.nan), value, rel_tol=_SAME, abs_tol=_SAME):
+                raise self._rejected(f"{name} was set to {value:g} and reads back as {found.get(name)}")
 
     def _permit(self, values: dict[str, Any]) -> None:
+        clamps, channel = self._connection.clamps, self._wire.channel
         for name, value in values.items():
-            if name in self._role.quantities:
-                self._connection.clamps.permit(self._wire.channel, name, value)
+            if self._role.clamped and not math.isfinite(clamps.bounds(channel, name)[1]):
+                raise Refused(f"{self._wire.name}: {name} needs a clamp", "add one to `clamps` in the bench file")
+            clamps.permit(channel, name, value)
 
     def _measured(self, operation: Operation, result: Any) -> Any:  # noqa: ANN401 - of any role
         units = operation.unit.split(", ") if operation.unit else []
@@ -238,6 +250,15 @@ def call_of(name: str, number: int | str, arguments: dict[str, Any] | None = Non
     if channel:
         asked["channel"] = channel
     return json.dumps(asked, separators=(",", ":"), default=float).encode() + b"\n"
+
+
+def _why_not_wrapped(role: Role) -> str:
+    """Return why calls alone cannot fill a role, nothing if they can."""
+    if role.part:
+        return f"because each {role.part} is an output of its own"
+    set_by = {name for operation in role.operations.values() if operation.drives for name in operation.arguments}
+    unset = [name for name in role.clamped if name not in set_by]
+    return f"because nothing would hold its clamp on {' and '.join(unset)}" if unset else ""
 
 
 def is_wrapped(instrument: InstrumentSpec) -> bool:

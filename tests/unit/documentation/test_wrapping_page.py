@@ -25,7 +25,9 @@ from hil.executive.watching.coverage import plan_of
 from hil.guardian.client import Guardian
 from hil.guardian.ports.dialogue import Patience
 from hil.guardian.ports.worker import PortWorker
-from hil.model.errors import ClampExceeded, ConfigurationError, NoReply, Rejected
+from hil.instruments.wrapped import Wrapped
+from hil.model.bench import Wire
+from hil.model.errors import ClampExceeded, ConfigurationError, NoReply, Refused, Rejected
 from hil.model.identity import Source
 from hil.wire.transcript import Transcript, read_transcript
 
@@ -113,12 +115,53 @@ def test_the_vendors_driver_is_called_in_its_own_process(acme):
         file.write_text(json.dumps({**said(file), "voltage": 12.0}), encoding="utf-8")
         with pytest.raises(ClampExceeded):
             supply.enable()
+        file.write_text(json.dumps({**said(file), "voltage": 3.0, "limit": None}), encoding="utf-8")
+        with pytest.raises(ClampExceeded, match="current nan A"):
+            supply.enable()
         file.write_text(json.dumps({"on": False}), encoding="utf-8")
         with pytest.raises(Rejected, match="voltage: KeyError: 'voltage'|settings: KeyError: 'voltage'"):
             supply.enable()
         file.write_text(json.dumps({"broken": True}), encoding="utf-8")
         with pytest.raises(NoReply, match="voltage: TimeoutError: no answer"):
             supply.voltage()
+
+
+@pytest.mark.parametrize(
+    ("role", "why"),
+    [
+        ("relays", "each contact is an output of its own"),
+        ("rotation_table", "nothing would hold its clamp on turns"),
+    ],
+)
+def test_a_role_that_calls_alone_cannot_keep_safe_is_refused(spec, role, why):
+    """A generic wrapper would let through what its clamps forbid."""
+    driver = type("Other", (Wrapped,), {"roles": frozenset({role}), "made_by": "a:b"})
+    with (
+        closing(bind_simulated(spec, Transcript(None))) as bench,
+        pytest.raises(Refused, match=f"the role {role} cannot be wrapped, because {why}"),
+    ):
+        driver(bench.drivers["psu1"]._connection).role(Wire(role=role, instance="", instrument="psu1"))
+
+
+def test_what_is_set_needs_a_clamp(spec):
+    """As a load that is told to hold a voltage for which the bench file has none."""
+    spec = replace(spec, clamps=spec.clamps[:1])
+    with (
+        closing(bind_simulated(spec, Transcript(None))) as bench,
+        pytest.raises(Refused, match="current needs a clamp"),
+    ):
+        bench.roles["supply"].configure(1.0, 0.1)
+
+
+def test_a_meter_that_reads_one_quantity_is_recorded(spec):
+    """By the channels that its driver names, without the others of its role."""
+    driver = type(
+        "Meter", (Wrapped,), {"roles": frozenset({"multimeter"}), "made_by": "a:b", "quantities": ("voltage",)}
+    )
+    with closing(bind_simulated(spec, Transcript(None))) as bench:
+        meter = driver(bench.drivers["psu1"]._connection).role(Wire(role="multimeter", instance="", instrument="psu1"))
+        assert [(each.name, each.unit) for each in meter.channels()] == [("voltage", "V")]
+        assert meter.sample() == (0.0,)
 
 
 def test_what_cannot_be_opened_says_why(acme):
