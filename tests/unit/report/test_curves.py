@@ -14,7 +14,7 @@ from hil.report.drawing.curves import chart_graphics, draw_chart
 from hil.report.drawing.panel import Band, LogScale
 from hil.report.drawing.recordings import _windows, draw_traces
 from hil.report.material import Trace
-from hil.report.page.as_run import attributed
+from hil.report.page.as_run import attributed, behind
 from hil.report.page.grouping import check_groups, headlines
 from hil.report.page.steps import step_rows
 
@@ -168,3 +168,41 @@ def test_every_row_says_its_conditions():
     (group,) = check_groups(attributed([checked(at="axis z, 45.0 deg/s", of="z"), checked(of="y")]), {})
     assert [row.at for row in group.rows] == ["axis z, 45.0 deg/s", "y"]
     assert all(row.bar for row in group.rows)
+
+
+def test_values_that_one_step_recorded_are_a_list():
+    """Ten cycles without a limit take three lines; what has a limit, a reason or another step has a row of its own."""
+    bare = {"verdict": "RECORDED", "limit": {"min": None, "max": None, "equals": None}, "margin": None, "reason": ""}
+
+    def listed(*changes):
+        return check_groups(
+            attributed([checked(at=f"cycle {n}", **{**bare, **each}) for n, each in enumerate(changes)]), {}
+        )
+
+    assert [group.listed for group in listed({}, {}, {}, {})] == [True]
+    assert [group.listed for group in listed({}, {}, {})] == [False]
+    assert [group.listed for group in listed({}, {}, {}, {"reason": "its rate was not met"})] == [False]
+    assert [group.listed for group in listed({}, {}, {}, {"step": "9"})] == [False]
+
+
+def test_a_recording_is_named_once():
+    """With all its channels, also where several checks used them; what is no recording stands as it is."""
+    names = [
+        "recording test",
+        "recording test, voltage",
+        "series",
+        "recording test, current",
+        "recording test, voltage",
+    ]
+    assert behind(names) == "recording test (voltage, current), series"
+
+
+def test_what_low_panels_are_called_does_not_meet():
+    """Five panels leave no room for a long name with its unit in one line: they stand side by side."""
+    times = np.array([0.0, 1.0])
+    units = {"voltage": "V", "current": "A", "energy": "W.h", "temperature": "degC"}
+    traces = [Trace(name=name, unit=unit, times=times, values=times) for name, unit in units.items()]
+    upright = r'y="(\d+)" transform="[^"]*">([^<]*)<'
+    (name, unit) = re.findall(upright, draw_traces("a", traces, []))[-2:]
+    assert (name[1], unit[1], name[0]) == ("temperature", "degC", unit[0])
+    assert re.findall(upright, draw_traces("a", traces[3:], []))[0][1] == "temperature / degC"

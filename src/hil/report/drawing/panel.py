@@ -37,6 +37,7 @@ _CHARACTER = 62  # the width of one, on average and generously
 _SHORTEST = 20  # a line that would be a point is drawn this long
 _TICK = 35
 _ENTRY = 150  # the height of one row of a legend
+_SPARE = 120  # by which words beside a panel may be longer than it is high
 _KEY = 400  # what a legend's entry takes beside its words
 DISC = "m-34 0a34 34 0 1 0 68 0a34 34 0 1 0-68 0z"
 """The outline of a point, from its middle."""
@@ -219,8 +220,12 @@ class Panel:
         sheet.line("axis", (left, self.y.first), (left, self.y.last))
 
     def named(self, sheet: Sheet, words: str) -> None:
-        """Write what the left axis is, upright at the drawing's edge."""
-        sheet.text("mid", (120, (self.y.first + self.y.last) // 2), plain(words, 30), upright=True)
+        """Write what the left axis is, upright at the drawing's edge; name and unit apart where the panel is low."""
+        name, slash, unit = words.partition(" / ")
+        low = slash and width_of(words) > self.y.first - self.y.last + _SPARE
+        lines = [(95, name), (215, unit)] if low else [(120, words)]
+        for edge, part in lines:
+            sheet.text("mid", (edge, (self.y.first + self.y.last) // 2), plain(part, 30), upright=True)
 
     def legend(self, sheet: Sheet, entries: Sequence[tuple[str, str]]) -> None:
         """Write what each kind of line is above the panel, in rows from the left; see `legend_rows`."""

@@ -26,6 +26,7 @@ from hil.report.page.view import CaseName, CheckRow, RecordingRow
 __all__ = [
     "Placed",
     "attributed",
+    "behind",
     "check_row",
     "checks_of",
     "fed_limits",
@@ -113,9 +114,20 @@ def check_row(check: Check, named: CaseName | None = None, attempt: str = "") ->
         verdict=check.verdict,
         reason=check.reason,
         instruments=", ".join(check.instruments),
-        behind=", ".join(check.provenance or ()),
+        behind=behind(check.provenance or ()),
         closes_nothing=check.closes_nothing,
     )
+
+
+def behind(names: Iterable[str]) -> str:
+    """Return what stands behind a value; of a recording once, with its channels in brackets."""
+    channels: dict[str, list[str]] = {}
+    for name in names:
+        head, _, channel = name.partition(", ") if name.startswith("recording ") else (name, "", "")
+        named = channels.setdefault(head, [])
+        if channel and channel not in named:
+            named.append(channel)
+    return ", ".join(f"{name} ({', '.join(named)})" if named else name for name, named in channels.items())
 
 
 def _ratio(check: Check) -> str:

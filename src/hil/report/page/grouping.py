@@ -9,7 +9,7 @@ from hil.evidence.events import Check
 from hil.model.verdict import Verdict, worst
 from hil.report.drawing.checks import bounds_of, draw_bars, points_of
 from hil.report.numbers import number, with_unit
-from hil.report.page.as_run import Placed, check_row, ids, limit_of
+from hil.report.page.as_run import Placed, behind, check_row, ids, limit_of
 from hil.report.page.view import CaseGroup, CaseName, CaseView, CheckGroup, CheckRow, Headline, RecordingRow
 
 __all__ = ["case_groups", "check_groups", "headlines"]
@@ -150,10 +150,21 @@ def _group(found: Sequence[tuple[Placed, Check]], names: Mapping[str, CaseName])
         decision=rows[0].decision,
         rows=tuple(_own(row, shared) for row in _alike_rows(rows, checks)),
         instruments=", ".join(dict.fromkeys(name for check in checks for name in check.instruments)),
-        behind=", ".join(dict.fromkeys(name for check in checks for name in check.provenance or ())),
+        behind=behind(name for check in checks for name in check.provenance or ()),
         closes_nothing=tuple(shared),
         drawn=any(bars),
+        listed=_listed(rows, shared),
     )
+
+
+def _listed(rows: Sequence[CheckRow], shared: Sequence[str]) -> bool:
+    """Return whether rows have a place in a list: of one step, recorded, and none with more to say than its value."""
+    plain = all(
+        row.verdict is Verdict.RECORDED
+        and not (row.limit or row.reason or row.coverage or _own(row, shared).closes_nothing)
+        for row in rows
+    )
+    return plain and len(rows) > _MANY and len({(row.case, row.step, row.attempt) for row in rows}) == 1
 
 
 def _alike_rows(rows: Sequence[CheckRow], checks: Sequence[Check]) -> Sequence[CheckRow]:

@@ -123,6 +123,8 @@ class CheckGroup:
     behind: str
     closes_nothing: tuple[str, ...]
     drawn: bool
+    listed: bool
+    """Whether its values stand in one list: many, recorded in one step without a limit, with nothing to say of one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
