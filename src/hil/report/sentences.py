@@ -192,13 +192,17 @@ def _closes(requirement: RequirementOutcome) -> bool:
 
 
 def in_short(word: Verdict, reasons: Sequence[str]) -> list[str]:
-    """Return the reasons of a case for a terminal: checks that an error kept from being made are told in one line."""
+    """Return the reasons of a case for a terminal.
+
+    Of two reasons that begin alike the longer one is told. Checks that an error kept from being made stand in one line.
+    """
+    reasons = [each for each in reasons if not any(other.startswith(f"{each}; ") for other in reasons)]
     if word not in {Verdict.ERROR, Verdict.ABORTED}:
-        return list(reasons)
+        return reasons
     missing = [reason.partition(NO_CHECK) for reason in reasons if NO_CHECK in reason]
     others = [reason for reason in reasons if NO_CHECK not in reason]
     if len(missing) <= _FEW or not others:
-        return list(reasons)
+        return reasons
     names = [name for name, _, _ in missing]
     return [*others, f"checks of {', '.join(names[:-1])} and {names[-1]} are missing; the report names them"]
 

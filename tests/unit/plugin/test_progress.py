@@ -5,9 +5,10 @@ from __future__ import annotations
 import io
 
 import pytest
+from rich.text import Text
 from typed_events import event_of
 
-from hil.plugin.terminal.progress import Progress
+from hil.plugin.terminal.progress import Progress, folded
 
 
 def shown(*events):
@@ -67,6 +68,41 @@ def test_a_reason_stands_beside_its_check_only():
     told = shown({"kind": "case", "case": "c"}, check | {"reason": "too high"}, end)
     assert told.count("too high") == 1
     assert "    the case took too long\n" in told
+
+
+def test_a_trip_is_told_once_and_the_safe_end_once():
+    """Why the bench tripped stands at the trip only; the end of the run says that the bench is safe."""
+    why = "thermometer: temperature 60.2 degC is above 60 degC"
+    reasons = [
+        why,
+        f"{why}; the bench was made safe and stays so for the rest of the run (test_x.py:9)",
+        "no check of x",
+    ]
+    safe = {"kind": "safe-end", "ok": True}
+    end = {"kind": "case-end", "case": "c", "verdict": "ERROR", "duration": 1.0, "reasons": reasons}
+    trip = {"kind": "trip", "limit": "plate", "text": why}
+    told = shown({"kind": "case", "case": "c"}, trip, safe, end, safe)
+    assert (
+        told.count(why)
+        == told.count("bench safe: every output proven")
+        == told.count("  made safe, and kept safe")
+        == 1
+    )
+    assert "    no check of x\n" in told
+    assert "THE BENCH COULD NOT BE PROVEN SAFE" in shown(trip, safe | {"ok": False})
+
+
+def test_lines_break_between_words_on_a_terminal():
+    """The colour of the verdict stays, and what follows is indented; a file gets lines as they are."""
+    line = Text("  A-1 voltage = 3 V  (1 to 2 V)  ")
+    line.append("FAIL", "red")
+    line.append("  3 V is above the maximum of 2 V")
+    assert [part.plain for part in folded(line, 40)] == [
+        "  A-1 voltage = 3 V  (1 to 2 V)  FAIL  3",
+        "    V is above the maximum of 2 V",
+    ]
+    assert any(span.style == "red" for span in folded(line, 40)[0].spans)
+    assert [part.plain for part in folded(line, 0)] == [line.plain]
 
 
 def test_cases_that_are_not_run_for_one_reason_are_grouped():

@@ -47,6 +47,21 @@ def test_reasons_that_a_check_tells_are_not_told_twice():
     assert "  the case took too long" in lines
 
 
+def test_of_two_reasons_that_begin_alike_the_longer_is_told():
+    """What tripped, and the same with what became of it, are one thing."""
+    why = "plate: 60.2 degC is above 60 degC"
+    case = {"case": "c", "verdict": "ERROR", "reasons": [why, f"{why}; the bench was made safe (x.py:9)"], "checks": []}
+    lines = closing_lines(outcome_of({"verdict": "ERROR", "run": {}, "cases": [case], "requirements": []}))
+    assert [line for line in lines if why in line] == [f"  {why}; the bench was made safe (x.py:9)"]
+
+
+def test_the_margin_of_a_temperature_is_a_difference():
+    """A limit in degC leaves a margin in K."""
+    check = {"requirement": "A-1", "parameter": "x", "verdict": "FAIL", "value": 43.0, "unit": "degC", "margin": -1.24}
+    lines = check_lines(event_of(**body_of("check", **check, limit_unit="degC")))
+    assert any(line.split() == ["margin", "-1.24", "K"] for line in lines)
+
+
 def test_a_run_without_a_word_on_safety_says_so():
     """Nothing on record about the bench's end is a warning, not silence."""
     results = {"verdict": "ABORTED", "run": {"source": "hardware"}, "cases": [], "requirements": [], "safe": None}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
 from contextlib import suppress
 from pathlib import Path
@@ -12,6 +13,7 @@ import click
 from hil.cli.display import Unwritten
 from hil.cli.options import SERVED
 from hil.model.identity import Source
+from hil.report.tables import fitting
 
 if TYPE_CHECKING:
     from hil.bench.gate import Gate
@@ -74,8 +76,10 @@ def _tell(gate: Gate) -> None:
 
 def _say(line: str) -> None:
     """Say a line; whether anybody reads it changes nothing of a bench that is being driven."""
+    width = shutil.get_terminal_size().columns if sys.stdout.isatty() else 0
     with suppress(Unwritten):
-        click.echo(line)
+        for part in fitting([line], width):
+            click.echo(part)
 
 
 def _tell_beside(who: str) -> None:

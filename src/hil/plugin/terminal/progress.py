@@ -22,8 +22,9 @@ from hil.report.live.readings import Readings
 from hil.report.numbers import bench_time, duration, limit_text, measured
 from hil.report.page.incidents import answered, attached, noted
 from hil.report.sentences import in_short
+from hil.report.tables import fitting
 
-__all__ = ["Progress", "StatusLine", "drawn"]
+__all__ = ["Progress", "StatusLine", "drawn", "folded"]
 
 _CLEAR = "\r\x1b[2K"
 _REFRESH_S = 1.0
@@ -120,6 +121,7 @@ class Progress:
         self._cases: dict[str, events.PlannedCase] = {}
         self._begun = False
         self._told: list[str] = []
+        self._tripped = False
         self._left_out: Counter[str] = Counter()
         self._outlook = Outlook()
         self._readings: Readings | None = None
@@ -231,12 +233,15 @@ class Progress:
             self._line(f"    {event.hint}")
 
     def _trip(self, event: events.Trip) -> None:
+        self._tripped = True
+        self._told.append(event.text)
         self._line(f"  TRIP {event.limit}: {event.text}", "bold red")
 
     def _lost(self, event: events.Lost) -> None:
         self._line(f"  LOST: {event.text}; the bench is made safe, and the run can be resumed", "bold red")
 
     def _case_end(self, event: events.CaseEnd) -> None:
+        self._tripped = False
         text = Text("  ")
         text.append(event.verdict, _STYLES[event.verdict])
         text.append(f"  {duration(event.duration)} of bench time")
@@ -284,6 +289,10 @@ class Progress:
             self._line(f"  {word}: {event.output} {event.state}, {event.detail}", _good(event.ok))
 
     def _safe_end(self, event: events.SafeEnd) -> None:
+        tripped, self._tripped = self._tripped, False
+        if tripped and event.ok:  # the end of the run says it again, of every output
+            self._line("  made safe, and kept safe for the rest of the run", "green")
+            return
         self._line("")
         words = "bench safe: every output proven" if event.ok else "THE BENCH COULD NOT BE PROVEN SAFE"
         self._line(words, _good(event.ok))
@@ -295,7 +304,19 @@ class Progress:
 
     def _print(self, text: Text) -> None:
         self._status.clear()
-        self._console.print(text)
+        for line in folded(text, self._console.width if self._console.is_terminal else 0):
+            self._console.print(line)
+
+
+def folded(text: Text, width: int) -> list[Text]:
+    """Return a line as lines that are not wider than a terminal, as `fitting` breaks them, in their colours."""
+    lines, at = [], 0
+    for piece in fitting([text.plain], width):
+        words = piece.lstrip()
+        begin = text.plain.index(words, at)
+        at = begin + len(words)
+        lines.append(Text(piece[: len(piece) - len(words)]) + text[begin:at])
+    return lines
 
 
 def drawn(stream: TextIO) -> TextIO:

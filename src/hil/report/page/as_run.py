@@ -220,10 +220,11 @@ def _coverage(check: Check) -> str:
 
 
 def _signed(margin: float | None, unit: str) -> str:
+    """Return a margin with its sign; that of a temperature is a difference, in K."""
     if margin is None:
         return ""
     digits = number(margin, 3)
-    return with_unit(f"+{digits}" if margin > 0 else digits, unit)
+    return with_unit(f"+{digits}" if margin > 0 else digits, "K" if unit in {"degC", "°C"} else unit)
 
 
 def _recording(begin: Recording, end: RecordingEnd | None) -> RecordingRow:
