@@ -18,8 +18,8 @@ def static(recording, axis):
 def test_sensor_supply(supply, field, check, step):
     """The magnetometer is fed as its data sheet asks."""
     with step("Measure the sensor's supply"):
-        check("JIG-MAG-010", "voltage", supply.sensor.voltage())
-        check("JIG-MAG-010", "current", supply.sensor.current())
+        check("JIG-MAG-010", "voltage", supply.sensor.voltage(), headline="Supply of the sensor")
+        check("JIG-MAG-010", "current", supply.sensor.current(), headline="Current of the sensor")
 
 
 @pytest.mark.requirement("JIG-MAG-020", "JIG-MAG-030")
@@ -29,5 +29,7 @@ def test_background(field, record, check, step, parameters):
     with step("Record the background"):
         background = record("background", field, duration=parameters.duration, rate=parameters.rate)
     for axis in "xyz":
-        check("JIG-MAG-020", "noise", standard_deviation(background[axis], background.unit(axis)), of=axis)
-    check("JIG-MAG-020", "magnitude", magnitude([static(background, axis) for axis in "xyz"]))
+        noise = standard_deviation(background[axis], background.unit(axis))
+        check("JIG-MAG-020", "noise", noise, of=axis, at=f"axis {axis}", headline="Noise")
+    found = magnitude([static(background, axis) for axis in "xyz"])
+    check("JIG-MAG-020", "magnitude", found, headline="Field without a coil current")

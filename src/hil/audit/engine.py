@@ -202,7 +202,7 @@ def _row(
     if waived and closing and not _is_needed(waived, claims, by):
         waived = None
     if by_itself and closing is None and waived is None:
-        own += tuple(reason for each in evidence for reason in each.reasons)
+        own += tuple(reason for each in _speaking(evidence) for reason in each.reasons)
     if not by_itself and not below:
         own += (Reason(code=Code.NO_CHILDREN, text="it is met by the requirements below it, and there are none"),)
     reasons = (*_in_order(own), *inherited)
@@ -255,6 +255,20 @@ def _evidence(claim: Claim, reasons: tuple[Reason, ...]) -> Evidence:
         reasons=reasons,
         exceptions=tuple(instrument for instrument, _ in package.exceptions),
     )
+
+
+def _speaking(evidence: Sequence[Evidence]) -> Iterator[Evidence]:
+    """Give the evidence whose reasons a requirement has: of runs that were no hardware, the newest of each unit.
+
+    They can neither close it nor speak against it, so that older trials would only bury what keeps it open now.
+    """
+    seen: set[tuple[str, str]] = set()
+    for each in reversed(evidence):
+        trial = each.source not in _HARDWARE
+        if not trial or (each.source, each.dut) not in seen:
+            yield each
+        if trial:
+            seen.add((each.source, each.dut))
 
 
 def _is_needed(waived: tuple[Waiver, Approval], claims: Sequence[Claim], by: _Judging) -> bool:

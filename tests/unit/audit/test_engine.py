@@ -22,6 +22,7 @@ from hil.audit.pages.workbook import as_xlsx
 from hil.audit.tables import as_csv, as_json
 from hil.evidence.ledger.entries import Head
 from hil.evidence.results.eligibility import of_simulation
+from hil.model.identity import Source
 from hil.requirements.carried import CarryingCase
 
 FAIL = {ASKED.id: result(verdict="FAIL", failed=True, eligible=False, reasons=("its verdict is FAIL",))}
@@ -40,6 +41,23 @@ def test_running_again_until_it_passes_leaves_the_fail_open():
     world = world_of([package("run-0", "2026-05-01", results=FAIL), package()])
     assert codes(world) == ["OPEN_NCR"]
     assert row(world).compliance == "partial"
+
+
+def test_old_trials_on_a_simulated_bench_are_not_why_a_requirement_is_open():
+    """Only the newest of a unit is; each is still listed as evidence, and a FAIL of hardware is never left out."""
+    broken = {
+        ASKED.id: result(verdict="ERROR", eligible=False, reasons=("the envelope tripped", "its verdict is ERROR"))
+    }
+    trial = {"source": Source.SIMULATED, "purpose": "development"}
+    runs = [package(f"run-{n}", f"2026-06-0{n}", results=broken, **trial) for n in (1, 2)]
+    runs += [package("run-3", "2026-06-03", **trial)]
+    assert codes(world_of(runs)) == ["SIM_ONLY"]
+    assert len(row(world_of(runs)).evidence) == 3
+    assert codes(world_of([package("run-0", "2026-05-01", results=FAIL), *runs])) == [
+        "NO_VERDICT",
+        "FAILED",
+        "SIM_ONLY",
+    ]
 
 
 def test_a_fail_that_was_disposed_of_no_longer_counts():
