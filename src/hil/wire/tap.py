@@ -115,6 +115,8 @@ class TappedPort(_Tap):
 
     @timeout.setter
     def timeout(self, seconds: float) -> None:
+        if seconds == self._timeout:
+            return
         if not 0 <= seconds <= LONGEST_WAIT:
             raise ValueError(f"{self.device}: a timeout is 0 to {LONGEST_WAIT:g} s, not {seconds}")
         self._timeout = seconds

@@ -48,6 +48,7 @@ class PowerFeed(Plant):
         signals = frozenset({"current", "voltage", "load.current", "load.voltage"})
         super().__init__(name, grid_ns, (), inputs, signals)
         self._truth = truth
+        self._solved: tuple[Inputs, Mapping[str, float]] = ({}, {})  # of the inputs that were asked for last
 
     def choices(self, name: str) -> tuple[str, ...]:
         """Return the modes of a load."""
@@ -61,18 +62,22 @@ class PowerFeed(Plant):
     def signal(self, name: str, state: Vector, inputs: Inputs, at: float) -> float:
         """Return voltage or current at the supply, or at the load."""
         del state, at
+        if self._solved[0] is not inputs:  # a command makes new ones
+            self._solved = (inputs, self._solve(inputs))
+        return self._solved[1][name]
+
+    def _solve(self, inputs: Inputs) -> Mapping[str, float]:
         given, limit, truth = float(inputs["given"]), float(inputs["limit"]), self._truth
         if not inputs["contact"]:
-            return given if name == "voltage" else 0.0
+            return {**dict.fromkeys(self.signals, 0.0), "voltage": given}
         load = Load(str(inputs["mode"]), float(inputs["level"]))
         node, amperes, drawn = operating_point(Source(given, limit, truth.series), load, truth.resistance)
-        seen = {
+        return {
             "current": amperes,
             "load.voltage": node,
             "load.current": drawn,
             "voltage": node + amperes * truth.series,
         }
-        return seen[name]
 
 
 def build(name: str, grid_ns: int, truth: Truth) -> PowerFeed:
