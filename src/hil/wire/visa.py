@@ -94,6 +94,7 @@ class _Session:
     def __init__(self, opened: Callable[[], Any]) -> None:
         self._opened = opened
         self._resource = opened()
+        self._owes = False
         self._near, self._far = socket.socketpair()
         self.descriptor = self._near.fileno()
 
@@ -101,11 +102,14 @@ class _Session:
         """Send a message."""
         self._limit(seconds)
         self._alive(lambda: self._resource.write_raw(message))
+        self._owes = b"?" in message
 
     def receive(self, seconds: float) -> bytes:
         """Fetch the reply, empty if none comes in that time."""
         self._limit(seconds)
-        return self._alive(self._resource.read_raw) or b""
+        data = self._alive(self._resource.read_raw) or b""
+        self._owes = self._owes and not data
+        return data
 
     def some(self, milliseconds: float) -> bytes:
         """Fetch one byte, empty if none comes in that time."""
@@ -115,8 +119,11 @@ class _Session:
     def clear(self, seconds: float) -> None:
         """Let the instrument forget what it has received, and what it was going to say.
 
-        PyVISA-py loses its place where a late reply comes instead of the acknowledgement; a new session has none.
+        PyVISA-py loses its place where a late reply comes instead of the acknowledgement. So one that is here already
+        is fetched first. Where it comes meanwhile, a new session begins, which takes a few tenths of a second.
         """
+        if self._owes:
+            self.receive(_DRAINED_MS / 1000)
         self._limit(seconds)
         try:
             self._alive(self._resource.clear, at_risk=True)
@@ -124,7 +131,7 @@ class _Session:
             if error.errno == errno.EOPNOTSUPP:
                 raise
             self._end()
-            self._resource = self._alive(self._opened)
+            self._owes, self._resource = False, self._alive(self._opened)
 
     def close(self) -> None:
         """Close it."""
