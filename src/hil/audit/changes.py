@@ -19,12 +19,14 @@ class Change:
         what: `reopened`, `closed`, `added`, `removed`, or `changed` where it stays open or closed.
         gained: reasons that it did not have.
         lost: reasons that it no longer has.
+        told: what is said of its reports and waivers that was not said before.
     """
 
     id: str
     what: str
     gained: tuple[Reason, ...] = ()
     lost: tuple[Reason, ...] = ()
+    told: tuple[str, ...] = ()
 
 
 def changes(before: Document, after: Document) -> tuple[Change, ...]:
@@ -46,8 +48,9 @@ def _changes(before: Document, after: Document) -> Iterator[Change]:
 def _change(old: Row, new: Row) -> Change | None:
     gained = tuple(each for each in new.reasons if each not in set(old.reasons))
     lost = tuple(each for each in old.reasons if each not in set(new.reasons))
+    told = tuple(each for each in new.records if each not in set(old.records))
     if old.closed != new.closed:
-        return Change(id=new.id, what="closed" if new.closed else "reopened", gained=gained, lost=lost)
-    if gained or lost or old.fingerprint != new.fingerprint:
-        return Change(id=new.id, what="changed", gained=gained, lost=lost)
+        return Change(id=new.id, what="closed" if new.closed else "reopened", gained=gained, lost=lost, told=told)
+    if gained or lost or told or old.fingerprint != new.fingerprint:
+        return Change(id=new.id, what="changed", gained=gained, lost=lost, told=told)
     return None

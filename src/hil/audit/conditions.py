@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import msgspec
 
@@ -184,15 +185,42 @@ def _calibration(claim: Claim) -> _Found:
     for name in claim.result.instruments:
         used = package.instruments.get(name, Instrument())
         entry, before = _registered(used, known), _registered(used, removed)
-        if entry is None and (used.entry or before):
-            gone = used.entry or f"the certificate {used.certificate}"
-            yield Code.STALE_CAL, f"the register no longer has {gone}, which was {name} then"
-        if entry and used.certificate and all(used.certificate != each.file for each in entry.certificates):
-            yield Code.STALE_CAL, f"the register no longer has the certificate {used.certificate} of {entry.id}"
-        found = [*_calibration_of(entry, package)]
-        yield from found
-        more = (each for each in _calibration_of(before, package) if each not in found)
-        yield from ((code, f"{text}{_REMOVED}") for code, text in more)
+        told = [*_missing(name, used, entry, before), *_calibration_of(entry, package)]
+        more = (each for each in _calibration_of(before, package) if each not in told)
+        told += [(code, f"{text}{_REMOVED}") for code, text in more]
+        yield from told or _without_late(claim, used, entry)
+
+
+def _missing(name: str, used: Instrument, entry: RegisteredInstrument | None, before: object) -> _Found:
+    """Say what of an instrument the register no longer has."""
+    if entry is None and (used.entry or before):
+        gone = used.entry or f"the certificate {used.certificate}"
+        yield Code.STALE_CAL, f"the register no longer has {gone}, which was {name} then"
+    if entry and used.certificate and all(used.certificate != each.file for each in entry.certificates):
+        yield Code.STALE_CAL, f"the register no longer has the certificate {used.certificate} of {entry.id}"
+
+
+def _without_late(claim: Claim, used: Instrument, entry: RegisteredInstrument | None) -> _Found:
+    """Give what would stand against a package without the certificates that were entered after it was sealed.
+
+    A certificate of an earlier day that the ledger did not have by then proves nothing of that run. What it finds out
+    of tolerance counts all the same.
+    """
+    seal = claim.ledgered.seal_of(claim.package)
+    if entry is None or seal is None:
+        return
+    since, left, late = claim.ledgered.removed.since, [], []
+    for each in entry.certificates:
+        its = since.get((entry.id, each.number))
+        known = each.file == used.certificate or (its is not None and its.seq < seal.seq)
+        if known or each.date > claim.package.ended[:10]:
+            left.append(each)
+        else:
+            entered = f"in the ledger since {its.utc[:10]}" if its else "not in the ledger yet"
+            late.append(f"certificate {each.number} of {each.date}, {entered}")
+    if late:
+        for code, text in _calibration_of(replace(entry, certificates=tuple(left)), claim.package):
+            yield code, f"{text}; {', '.join(late)}, was entered after the run was sealed, and proves nothing of it"
 
 
 def _calibration_of(entry: RegisteredInstrument | None, package: Package) -> _Found:

@@ -233,12 +233,16 @@ class Remembered(msgspec.Struct, frozen=True, kw_only=True):
         name: the entry in words.
         owner: the id, serial number or name of what it belongs to.
         item: a requirement; the id of a parent; an event of a unit; or an instrument with this one certificate.
+        seq: the number of the ledger's entry that had it first.
+        utc: when that was entered.
     """
 
     mark: str
     name: str
     owner: str
     item: Asked | str | UnitEvent | RegisteredInstrument
+    seq: int = -1
+    utc: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -3,24 +3,32 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import msgspec
 
 from hil.audit.cache import Cache
-from hil.audit.inputs import Approval, Asked, Filed, Package, Register, Remembered, World
+from hil.audit.inputs import Asked, Filed, Package, Register, Remembered, World
 from hil.audit.packages import read_packages
-from hil.audit.recorded import encoded, keep, policy_of, remembered, reports_ever
+from hil.audit.recorded import (
+    approvals_of,
+    encoded,
+    keep,
+    policy_of,
+    record_subject_of,
+    remembered,
+    reports_ever,
+)
 from hil.clock import wall
 from hil.documents.findings import Findings, shown
 from hil.documents.suggest import did_you_mean
 from hil.evidence.folder import JOURNAL
 from hil.evidence.journal.reader import read_journal
-from hil.evidence.ledger.approvals import Subject, keep_signers, said_of
+from hil.evidence.ledger.approvals import Subject, keep_signers
 from hil.evidence.ledger.book import Ledger, read
-from hil.evidence.ledger.entries import Approved, Head, Sealed
+from hil.evidence.ledger.entries import Head, Sealed
 from hil.evidence.ledger.heads import require_uncut
 from hil.evidence.package.verification import verify
 from hil.evidence.results.judging_code import judging_digest
@@ -29,13 +37,11 @@ from hil.registers.instruments import INSTRUMENTS, load_instruments
 from hil.registers.nonconformances import (
     NONCONFORMANCES,
     WAIVERS,
-    Nonconformance,
-    Record,
     Records,
     Waiver,
     load_records,
 )
-from hil.registers.signers import SIGNERS, Signers, load_signers
+from hil.registers.signers import SIGNERS, load_signers
 from hil.registers.units import DUTS, load_duts
 from hil.requirements.carried import carrying_cases
 from hil.requirements.catalogue import Catalogue, load_catalogue
@@ -89,12 +95,17 @@ def read_world(
     packages = tuple(_compared(folders.reports, ledger, read_packages(folders.reports, cache)))
     asked = cache.requirements(_contents(folders, locked=locked), lambda: read_catalogue(folders, locked=locked))
     register = read_register(folders)
+    records = _read_records(folders, asked, register)
     return World(
         asked=asked,
         packages=packages,
         cases=carrying_cases(folders.root, _plans(folders)),
         policy=policy_of(ledger, packages, signers).until(date),
-        filed=_filed(folders, ledger, packages, signers, _read_records(folders, asked, register)),
+        filed=Filed(
+            registers=records,
+            earlier=reports_ever(folders.reports, ledger.entries),
+            approvals=approvals_of(ledger, packages, signers, records),
+        ),
         register=register,
         remembered=known,
         entries=ledger.entries,
@@ -149,25 +160,6 @@ def _read_records(folders: Folders, asked: Iterable[Asked], register: Register) 
     return found
 
 
-def _filed(
-    folders: Folders, ledger: Ledger, packages: Iterable[Package], signers: Signers, registers: Records
-) -> Filed:
-    """Return reports and waivers with every approval of their contents that counts."""
-    operators = {name: package.operator for package in packages for name in (package.run, package.folder)}
-    approvals: list[Approval] = []
-    every: tuple[Nonconformance | Waiver, ...] = (*registers.nonconformances.values(), *registers.waivers.values())
-    for item in every:
-        for each in said_of(ledger, _subject(item, operators), signers):
-            if isinstance(each.entry, Approved) and not each.problem:
-                it = each.entry
-                approvals.append(
-                    Approval(
-                        record=it.run, sha256=it.evidence, role=it.role, principal=it.principal, utc=it.utc, seq=it.seq
-                    )
-                )
-    return Filed(registers=registers, earlier=reports_ever(folders.reports, ledger.entries), approvals=tuple(approvals))
-
-
 def record_subject(folders: Folders, number: str) -> Subject:
     """Return what is approved of a report or a waiver of the workspace.
 
@@ -186,11 +178,11 @@ def record_subject(folders: Folders, number: str) -> Subject:
         )
     if isinstance(item, Waiver):
         _require_present(item, next(each for each in asked if each.id == item.requirement))
-        return _subject(item, {})
+        return record_subject_of(item, {})
     if not item.complete:
         raise Refused(f"{number} is not complete: it cannot be approved", "give its disposition, and what was done")
     folder = folders.reports / item.run
-    return _subject(item, {item.run: verify(folder).operator} if item.run and folder.is_dir() else {})
+    return record_subject_of(item, {item.run: verify(folder).operator} if item.run and folder.is_dir() else {})
 
 
 def _require_present(waiver: Waiver, asked: Asked) -> None:
@@ -199,19 +191,6 @@ def _require_present(waiver: Waiver, asked: Asked) -> None:
             f"{waiver.id} is for rev {waiver.rev} of {asked.id}, which is now rev {asked.rev}, or has another meaning",
             f"if it holds for the present one, give it rev: {asked.rev} and fingerprint: {asked.fingerprint}",
         )
-
-
-def _subject(item: Nonconformance | Waiver, operators: Mapping[str, str]) -> Subject:
-    """Return what is approved of a report or a waiver; the operator of the run that it speaks of cannot approve it.
-
-    Args:
-        item: the report or the waiver.
-        operators: who ran what, by the names of runs.
-    """
-    record = Record(of=item)
-    run = item.run if isinstance(item, Nonconformance) else ""
-    others = (operators[run],) if operators.get(run) else ()
-    return Subject(run=item.id, evidence=record.sha256, operator=item.by, content=record.content, others=others)
 
 
 def keep_present(root: Path, testplans: Path, fixtures: Path, reports: Path) -> str:

@@ -7,12 +7,12 @@ from dataclasses import replace
 from itertools import takewhile
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 import msgspec
 
 from hil.audit.document import Document, Row
-from hil.audit.inputs import Asked, Filed, Package, Policy, Register, Remembered, World
+from hil.audit.inputs import Approval, Asked, Filed, Package, Policy, Register, Remembered, World
 from hil.audit.remembered import CATALOGUE, INSTRUMENTS, UNITS, remember, removed_from
 from hil.evidence.ledger.approvals import Subject, said_of, signers_then
 from hil.evidence.ledger.book import Ledger, append_all, put_object, read, read_object
@@ -20,11 +20,14 @@ from hil.evidence.ledger.entries import Approved, Baseline, Entry, Explained, Re
 from hil.model.errors import EvidenceError, Refused
 from hil.model.identity import Dut
 from hil.registers.instruments import RegisteredInstrument
-from hil.registers.nonconformances import Nonconformance, Records, Waiver
+from hil.registers.nonconformances import Nonconformance, Record, Records, Waiver
 from hil.registers.signers import Signers
 
 __all__ = [
     "ANALYSIS",
+    "REPORTS",
+    "WAIVERS",
+    "approvals_of",
     "baseline",
     "encoded",
     "explain",
@@ -32,13 +35,15 @@ __all__ = [
     "past",
     "policy_of",
     "record",
+    "record_subject_of",
     "remembered",
     "reports_ever",
 ]
 
 ANALYSIS = "analysis"
 """The subject of the baselines that name the analysis."""
-_REPORTS, _WAIVERS = "nonconformances", "waivers"
+REPORTS, WAIVERS = "nonconformances", "waivers"
+"""The subjects of the baselines of reports and waivers."""
 
 _Item = TypeVar("_Item")
 
@@ -97,7 +102,7 @@ def record(reports: Path, world: World, document: Document) -> tuple[int, int]:
     subjects = {**_subjects(world.asked, world.register), ANALYSIS: (world.analysis,)}
     entered = {each.subject for each in world.entries if isinstance(each, Baseline)}
     filed = world.filed.registers
-    for subject, items in ((_REPORTS, filed.nonconformances), (_WAIVERS, filed.waivers)):
+    for subject, items in ((REPORTS, filed.nonconformances), (WAIVERS, filed.waivers)):
         if items or subject in entered:
             subjects[subject] = tuple(items.values())
     baselines = _changed(reports, world.entries, subjects)
@@ -209,8 +214,7 @@ def past(world: World, reports: Path, day: str) -> World:
         remembered=remembered(reports, entries),
         problems=(*world.problems, *map(_set_back, back[:1])),
         entries=entries,
-        policy=_policy_then(world, reports, entries, day),
-        filed=_filed(world.filed, reports, entries, day),
+        **_signed_then(world, reports, entries, day),
         analysis=analysis[-1] if analysis else world.analysis,
         head=_head(entries, world),
         as_of=day,
@@ -218,16 +222,21 @@ def past(world: World, reports: Path, day: str) -> World:
     )
 
 
-def _filed(now: Filed, reports: Path, entries: Sequence[Entry], day: str) -> Filed:
-    found = baseline(reports, entries, _REPORTS, Nonconformance) or ()
-    waivers = baseline(reports, entries, _WAIVERS, Waiver) or ()
-    return Filed(
-        registers=Records(
-            nonconformances={each.id: each for each in found}, waivers={each.id: each for each in waivers}
-        ),
-        earlier=reports_ever(reports, entries),
-        approvals=tuple(each for each in now.approvals if each.utc[:10] <= day),
-    )
+def _signed_then(world: World, reports: Path, entries: tuple[Entry, ...], day: str) -> dict[str, Any]:
+    """Return what was asked for and signed by the signers of that day; by those of now where none were kept."""
+    found = baseline(reports, entries, REPORTS, Nonconformance) or ()
+    waivers = baseline(reports, entries, WAIVERS, Waiver) or ()
+    records = Records(nonconformances={each.id: each for each in found}, waivers={each.id: each for each in waivers})
+    with TemporaryDirectory() as place:
+        ledger, signers = Ledger(reports=reports, entries=entries), signers_then(reports, entries, Path(place))
+        if signers is None:
+            policy, approvals = world.policy.until(day), world.filed.approvals
+        else:
+            policy = policy_of(ledger, world.packages, signers).until(day)
+            approvals = approvals_of(ledger, world.packages, signers, records)
+    counted = tuple(each for each in approvals if each.utc[:10] <= day)
+    filed = Filed(registers=records, earlier=reports_ever(reports, entries), approvals=counted)
+    return {"policy": policy, "filed": filed}
 
 
 def reports_ever(reports: Path, entries: Sequence[Entry]) -> tuple[Nonconformance, ...]:
@@ -236,8 +245,8 @@ def reports_ever(reports: Path, entries: Sequence[Entry]) -> tuple[Nonconformanc
     Raises:
         EvidenceError: if an object of the ledger is missing or was changed.
     """
-    names = dict.fromkeys(each.object for each in entries if isinstance(each, Baseline) and each.subject == _REPORTS)
-    found = [each for name in names for each in _decoded(reports, name, _REPORTS, Nonconformance)]
+    names = dict.fromkeys(each.object for each in entries if isinstance(each, Baseline) and each.subject == REPORTS)
+    found = [each for name in names for each in _decoded(reports, name, REPORTS, Nonconformance)]
     found += [
         msgspec.json.decode(read_object(reports, each.evidence), type=Nonconformance)
         for each in entries
@@ -246,30 +255,54 @@ def reports_ever(reports: Path, entries: Sequence[Entry]) -> tuple[Nonconformanc
     return tuple(dict.fromkeys(found))
 
 
+def record_subject_of(item: Nonconformance | Waiver, operators: Mapping[str, str]) -> Subject:
+    """Return what is approved of a report or a waiver; the operator of the run that it speaks of cannot approve it.
+
+    Args:
+        item: the report or the waiver.
+        operators: who ran what, by the names of runs.
+    """
+    record = Record(of=item)
+    run = item.run if isinstance(item, Nonconformance) else ""
+    others = (operators[run],) if operators.get(run) else ()
+    return Subject(run=item.id, evidence=record.sha256, operator=item.by, content=record.content, others=others)
+
+
+def approvals_of(
+    ledger: Ledger, packages: Iterable[Package], signers: Signers, records: Records
+) -> tuple[Approval, ...]:
+    """Return every approval of reports and waivers, as these contents are, that counts."""
+    operators = {name: package.operator for package in packages for name in (package.run, package.folder)}
+    every: tuple[Nonconformance | Waiver, ...] = (*records.nonconformances.values(), *records.waivers.values())
+    found: list[Approval] = []
+    for item in every:
+        for each in said_of(ledger, record_subject_of(item, operators), signers):
+            it = each.entry
+            if isinstance(it, Approved) and not each.problem:
+                found.append(
+                    Approval(
+                        record=it.run, sha256=it.evidence, role=it.role, principal=it.principal, utc=it.utc, seq=it.seq
+                    )
+                )
+    return tuple(found)
+
+
 def policy_of(ledger: Ledger, packages: Iterable[Package], signers: Signers) -> Policy:
     """Return what the register of signers asks for, and every signature that counts."""
     of_run: dict[str, list[Entry]] = {}
     for entry in ledger.entries:
         if isinstance(entry, Approved | Signed):
             of_run.setdefault(entry.run, []).append(entry)
+    kept = [entry for entry in ledger.entries if isinstance(entry, Baseline) and entry.subject == "signers"]
     found: list[tuple[str, str, str]] = []
     for package in packages:
         if package.digest and package.run in of_run:
             subject = Subject(run=package.run, evidence=package.digest, operator=package.operator)
-            its = replace(ledger, entries=tuple(of_run[package.run]))
+            its = replace(ledger, entries=tuple(sorted((*kept, *of_run[package.run]), key=lambda each: each.seq)))
             for each in said_of(its, subject, signers):
                 role = each.entry.role if isinstance(each.entry, Approved) else ""
                 found += [] if each.problem else [(each.entry.utc, package.digest, role)]
     return Policy(signatures=signers.required.signature, approvals=signers.required.approvals, said=tuple(found))
-
-
-def _policy_then(world: World, reports: Path, entries: tuple[Entry, ...], day: str) -> Policy:
-    """Return what was asked for and signed, by the signers of that day; by those of now where none were kept."""
-    with TemporaryDirectory() as place:
-        signers = signers_then(reports, entries, Path(place))
-        if signers is None:
-            return world.policy.until(day)
-        return policy_of(Ledger(reports=reports, entries=entries), world.packages, signers).until(day)
 
 
 def _set_back(entry: Entry) -> str:

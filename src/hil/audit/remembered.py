@@ -30,6 +30,7 @@ class Removed:
         parents: requirements that were linked to others below them and no longer are, with the ids of those.
         events: events of units by serial number.
         instruments: instruments that lost a certificate, with all that they ever had, by their names.
+        since: when the ledger first had a certificate, by the name of the instrument and the certificate's number.
     """
 
     told: tuple[Remembered, ...] = ()
@@ -37,6 +38,7 @@ class Removed:
     parents: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     events: Mapping[str, tuple[UnitEvent, ...]] = field(default_factory=dict)
     instruments: Mapping[str, RegisteredInstrument] = field(default_factory=dict)
+    since: Mapping[tuple[str, str], Remembered] = field(default_factory=dict)
 
 
 def remember(entries: Iterable[Entry], read: Callable[[Baseline, type], Sequence[object]]) -> tuple[Remembered, ...]:
@@ -51,7 +53,9 @@ def remember(entries: Iterable[Entry], read: Callable[[Baseline, type], Sequence
     for entry in entries:
         if isinstance(entry, Baseline) and entry.subject in _KINDS and last.get(entry.subject) != entry.object:
             last[entry.subject] = entry.object
-            kept |= {each.mark: each for each in _items(read(entry, _KINDS[entry.subject]))}
+            for each in _items(read(entry, _KINDS[entry.subject])):
+                if each.mark not in kept:
+                    kept[each.mark] = msgspec.structs.replace(each, seq=entry.seq, utc=entry.utc)
         elif isinstance(entry, Explained):
             kept.pop(entry.entry, None)
     return tuple(kept.values())
@@ -63,6 +67,11 @@ def removed_from(asked: Iterable[Asked], register: Register, remembered: Sequenc
         return Removed()
     present = (*asked, *register.duts.values(), *register.instruments.values())
     there = {each.mark for each in _items(present)}
+    since = {
+        (each.owner, each.item.certificates[0].number): each
+        for each in remembered
+        if isinstance(each.item, RegisteredInstrument) and each.mark in there
+    }
     gone = tuple(sorted((each for each in remembered if each.mark not in there), key=lambda each: each.mark))
     wanted = {each.owner: each.item for each in gone if isinstance(each.item, Asked)}
     parents: dict[str, list[str]] = {}
@@ -83,6 +92,7 @@ def removed_from(asked: Iterable[Asked], register: Register, remembered: Sequenc
         parents={parent: tuple(each for each in below if each not in wanted) for parent, below in parents.items()},
         events={serial: tuple(its) for serial, its in events.items()},
         instruments=instruments,
+        since=since,
     )
 
 

@@ -2,22 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
 
 import msgspec
 
 from hil.audit.inputs import Asked, Register, World
 from hil.audit.reading import Folders, asked_of
-from hil.audit.recorded import baseline
+from hil.audit.recorded import REPORTS, WAIVERS, approvals_of, baseline
 from hil.audit.remembered import INSTRUMENTS, UNITS
 from hil.documents.findings import Findings, shown
 from hil.documents.node import Scalar, node_at
 from hil.documents.strict_yaml import read_yaml
+from hil.evidence.ledger.book import Ledger
 from hil.model.errors import Refused
 from hil.model.identity import Dut
 from hil.registers.instruments import RegisteredInstrument, load_instruments
+from hil.registers.nonconformances import NONCONFORMANCES, Nonconformance, Waiver, load_records
+from hil.registers.nonconformances import WAIVERS as WAIVERS_FILE
+from hil.registers.signers import load_signers
 from hil.registers.units import load_duts
 from hil.requirements.lock import read_lock
 from hil.requirements.schema import REQUIREMENTS, read_requirements
@@ -27,7 +33,14 @@ __all__ = ["ANALYSIS", "suppose"]
 ANALYSIS = "analysis"
 """Stands for a change of the analysis, which no file of the workspace holds."""
 
-_KINDS = {"requirements": "requirements", "duts": UNITS, "instruments": INSTRUMENTS}
+_KINDS = {
+    "requirements": "requirements",
+    "duts": UNITS,
+    "instruments": INSTRUMENTS,
+    "nonconformances": REPORTS,
+    "waivers": WAIVERS,
+}
+_FILES = {f"{name}.yaml" for name in _KINDS if name != "requirements"}
 
 
 def suppose(world: World, folders: Folders, changed: str) -> tuple[World, World]:
@@ -51,6 +64,8 @@ def suppose(world: World, folders: Folders, changed: str) -> tuple[World, World]
     kind = _kind(file, changed)
     if kind == "requirements":
         return _requirements(world, folders, file, changed)
+    if kind in {REPORTS, WAIVERS}:
+        return _records(world, folders, file, kind)
     return _register(world, folders, file, kind)
 
 
@@ -64,7 +79,7 @@ def _kind(file: Path, named: str) -> str:
     if kind is None:
         raise Refused(
             f"{named} is neither a requirements.yaml nor a register (schema '{schema}')",
-            f"name a changed requirements.yaml, duts.yaml or instruments.yaml, or say --if {ANALYSIS}",
+            f"name a changed requirements.yaml or a register ({', '.join(sorted(_FILES))}), or say --if {ANALYSIS}",
         )
     return kind
 
@@ -123,6 +138,37 @@ def _register(world: World, folders: Folders, file: Path, kind: str) -> tuple[Wo
     return world, replace(world, register=register)
 
 
+def _records(world: World, folders: Folders, file: Path, kind: str) -> tuple[World, World]:
+    """Return the worlds before and after a change of reports or waivers; only approvals of these contents count."""
+    if file.parent == folders.fixtures.resolve():
+        items: tuple[Nonconformance | Waiver, ...] | None = (
+            baseline(folders.reports, world.entries, kind, Nonconformance)
+            if kind == REPORTS
+            else baseline(folders.reports, world.entries, kind, Waiver)
+        )
+        if items is None:
+            raise _nothing_recorded(kind)
+        return _with(world, folders, kind, {each.id: each for each in items}), world
+    findings = Findings()
+    kinds = {each.id: each.kind for each in world.asked}
+    with TemporaryDirectory() as place:  # a register is read by its name
+        for name in (NONCONFORMANCES, WAIVERS_FILE):
+            source = file if name == f"{kind}.yaml" else folders.fixtures / name
+            if source.exists():
+                (Path(place) / name).write_bytes(source.read_bytes())
+        found = load_records(Path(place), findings, requirements=kinds, duts=world.register.duts)
+    findings.raise_if_any()
+    return world, _with(world, folders, kind, found.nonconformances if kind == REPORTS else found.waivers)
+
+
+def _with(world: World, folders: Folders, kind: str, items: Mapping[str, Any]) -> World:
+    """Return a world with other reports or waivers, and the approvals that these contents have."""
+    records = replace(world.filed.registers, **{kind: items})
+    ledger = Ledger(reports=folders.reports, entries=world.entries)
+    approvals = approvals_of(ledger, world.packages, load_signers(folders.fixtures), records)
+    return replace(world, filed=replace(world.filed, registers=records, approvals=approvals))
+
+
 def _recorded(world: World, folders: Folders, kind: str) -> Register:
     """Return the registers with the one of a kind as it was entered into the ledger last."""
     if kind == UNITS:
@@ -133,7 +179,11 @@ def _recorded(world: World, folders: Folders, kind: str) -> Register:
         known = baseline(folders.reports, world.entries, INSTRUMENTS, RegisteredInstrument)
         if known is not None:
             return replace(world.register, instruments={each.id: each for each in known})
-    raise Refused(
+    raise _nothing_recorded(kind)
+
+
+def _nothing_recorded(kind: str) -> Refused:
+    return Refused(
         f"the ledger has no {kind} to compare with",
         "hil audit --record enters the present register; or give the changed one under another name",
     )

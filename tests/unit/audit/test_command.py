@@ -163,3 +163,32 @@ def test_what_is_gone_is_explained_by_name_and_with_a_reason(capsys, workspace):
     assert (code, "nobody has said why" in out) == (0, False)
     assert "repair on 2026-11-01" in err
     assert [(each.by, each.text) for each in read(workspace.reports).of(Explained)] == [("Ada", "a mistake")]
+
+
+def test_a_ledger_that_the_settings_do_not_name_is_told_and_counts_for_strict(capsys, workspace):
+    """Another one in its place would be believed; the line to add is there to be copied, and ends it."""
+    append(workspace.reports, Baseline(subject="signers", object="a" * 64))
+    append(workspace.reports, Baseline(subject="signers", object="b" * 64))
+    told = audit(capsys, "--strict")[1].splitlines()[-1]
+    assert told.startswith("NOT PINNED: the settings of the workspace name no ledger")
+    first = read(workspace.reports).hashes[0]
+    assert told.endswith(f'write into hil.toml: ledger = "{first}"')
+    code, out, err = audit(capsys, "--format", "json")
+    assert (code, err.strip()) == (0, told)
+    json.loads(out)
+    settings = workspace.root / "hil.toml"
+    settings.write_text(f'{settings.read_text() if settings.exists() else ""}\nledger = "{first}"\n')
+    assert "NOT PINNED" not in audit(capsys)[1]
+
+
+def test_strict_counts_a_ledger_that_is_not_pinned(capsys, workspace, monkeypatch):
+    """Also where every requirement is closed."""
+    append(workspace.reports, Baseline(subject="signers", object="a" * 64))
+    for file in (workspace.root / "testplans").rglob("requirements*"):
+        file.unlink()
+    assert audit(capsys)[0] == 0
+    assert audit(capsys, "--strict")[0] == 1
+    settings = workspace.root / "hil.toml"
+    text = settings.read_text() if settings.exists() else ""
+    settings.write_text(f'{text}\nledger = "{read(workspace.reports).hashes[0]}"\n')
+    assert audit(capsys, "--strict")[0] == 0

@@ -12,7 +12,8 @@ from audited import ASKED, DUT, INSTRUMENT, certificate, closed_world, codes, pa
 from hil.audit.conditions import Claim, Conditions, of_claim
 from hil.audit.inputs import Policy, Register, World
 from hil.audit.ledgered import ledgered
-from hil.evidence.ledger.entries import Replayed
+from hil.audit.remembered import remember
+from hil.evidence.ledger.entries import Baseline, Replayed
 from hil.model.identity import UnitEvent, UnitEventKind
 from hil.registers.instruments import AsFound
 
@@ -225,3 +226,33 @@ def test_a_certificate_that_was_taken_out_of_the_register_is_missed():
     """A certificate that was taken out of the register is missed."""
     other = replace(INSTRUMENT, certificates=(certificate("C-9", "2026-01-10", "2027-01-10"),))
     assert codes(replace(closed_world(), register=register(instruments={"dmm-1": other}))) == ["STALE_CAL"]
+
+
+def entered(instrument, seq, utc="2027-03-01T08:00:00Z"):
+    """Return what the ledger remembers of an instrument's certificates, first entered by an entry of this number."""
+    entry = Baseline(seq=seq, utc=utc, subject="instruments", object="x")
+    return remember([entry], lambda *_: [instrument])
+
+
+def test_a_certificate_that_was_entered_after_the_run_proves_nothing_of_it():
+    """Of an earlier day, while in the run the last calibration had run out: what proves it has to be there before."""
+    before, after = certificate("C-1", "2025-01-10", "2026-01-10"), certificate("C-9", "2026-04-20", "2027-04-20")
+    instrument = replace(INSTRUMENT, certificates=(before, after))
+    world = replace(closed_world(), register=register(instruments={"dmm-1": instrument}))
+    for remembered, told in (((), "not in the ledger yet"), (entered(instrument, 5), "in the ledger since 2027-03-01")):
+        (reason,) = row(replace(world, remembered=remembered)).reasons
+        assert reason.code == "STALE_CAL"
+        proves = (
+            f"certificate C-9 of 2026-04-20, {told}, was entered after the run was sealed, and proves nothing of it"
+        )
+        assert reason.text.endswith(f"and its calibration was due on 2026-01-10; {proves}")
+    assert codes(replace(world, remembered=entered(instrument, 0))) == []
+
+
+def test_a_certificate_that_was_entered_later_does_not_end_a_doubt():
+    """Nor one that would have found the instrument good between the run and what found it out of tolerance."""
+    bad = certificate("C-2", "2026-12-01", "2027-12-01", as_found=AsFound.OUT_OF_TOLERANCE)
+    good = certificate("C-9", "2026-04-20", "2027-04-20")
+    instrument = replace(INSTRUMENT, certificates=(*INSTRUMENT.certificates, good, bad))
+    world = replace(closed_world(), register=register(instruments={"dmm-1": instrument}))
+    assert codes(world) == ["CAL_RETRO"]

@@ -11,13 +11,14 @@ from audited import closed_world, codes
 from evidence_runs import sealed_run
 
 from hil.audit.cache import Cache
-from hil.audit.inputs import Policy, Register
+from hil.audit.inputs import Policy, Register, World
 from hil.audit.reading import Folders, read_world
-from hil.audit.recorded import keep, past
+from hil.audit.recorded import WAIVERS, encoded, keep, past, record_subject_of
 from hil.evidence.ledger.approvals import Subject, approve, sign_package, signers_then
-from hil.evidence.ledger.book import put_object
+from hil.evidence.ledger.book import append, put_object, read
 from hil.evidence.ledger.entries import Baseline
 from hil.evidence.package.verification import verify
+from hil.registers.nonconformances import UnitName, Waiver
 from hil.registers.signers import load_signers
 
 SIGNERS = """schema: hil/signers/1
@@ -84,3 +85,26 @@ def test_who_could_sign_is_read_as_earlier_versions_kept_it(tmp_path):
     assert (place / "allowed_signers").read_text() == "ada@x ssh-ed25519 AAAA\n"
     assert (place / "revoked_keys").read_text() == ""
     assert signers_then(tmp_path, [], place) is None
+
+
+@pytest.mark.skipif(shutil.which("ssh-keygen") is None, reason="ssh-keygen is not installed")
+def test_a_waiver_of_the_past_has_the_approvals_of_then(tmp_path):
+    """It reads otherwise now, and who approved it may not sign any more."""
+    fixtures, reports = tmp_path / "fixtures", tmp_path / "reports"
+    fixtures.mkdir()
+    subprocess.run(["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-C", "", "-f", tmp_path / "bo"], check=True)
+    (fixtures / "signers.yaml").write_text(SIGNERS.replace("role: quality", "role: waiver"))
+    (fixtures / "allowed_signers").write_text(f"bo@x {(tmp_path / 'bo.pub').read_text()}")
+    waiver = Waiver(
+        id="W-1", title="t", date="2026-01-01", until="2999-01-01", by="Ada", requirement="R", rev=1,
+        fingerprint="f" * 64, units=(UnitName(part="P", serial="S"),), reason="r",
+    )  # fmt: skip
+    signers = load_signers(fixtures)
+    subject = record_subject_of(waiver, {})
+    approve(reports, subject, signers, principal="bo@x", key=tmp_path / "bo", role="waiver", meaning="read")
+    append(reports, Baseline(subject=WAIVERS, object=put_object(reports, encoded(WAIVERS, (waiver,)))))
+    keep(reports, (), Register())
+    (fixtures / "allowed_signers").write_text("")
+    entries = read(reports).entries
+    then = past(World(asked=(), entries=entries), reports, entries[-1].utc[:10]).filed
+    assert [(each.record, each.role) for each in then.approvals] == [("W-1", "waiver")]

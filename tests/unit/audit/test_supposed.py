@@ -16,10 +16,12 @@ from hil.audit.engine import audit
 from hil.audit.inputs import Instrument
 from hil.audit.packages import read_packages
 from hil.audit.reading import Folders, read_world
-from hil.audit.recorded import record
+from hil.audit.recorded import encoded, record
 from hil.audit.supposed import suppose
 from hil.evidence.folder import create
-from hil.evidence.ledger.book import read
+from hil.evidence.ledger.book import append, put_object, read
+from hil.evidence.ledger.entries import Baseline
+from hil.model.errors import Refused
 
 CASE = """
 @pytest.mark.requirement("T-010")
@@ -27,6 +29,7 @@ def test_one(check):
     check("T-010", "ratio", 1.0)
 """
 NO_CACHE = Cache(None, "")
+NO_REPORTS = encoded("nonconformances", ())
 LATER = """\
     - number: SPECIMEN-2026-2
       laboratory: Specimen laboratory of the reference workspace
@@ -145,3 +148,60 @@ def test_an_unsealed_run_closes_nothing_and_its_fail_counts(tmp_path):
     assert (good.results["GYR-030"].failed, bad.results["GYR-030"].failed) == (False, True)
     assert not good.results["GYR-030"].eligible
     assert msgspec.structs.asdict(bad)["source"] == "hardware"
+
+
+WAIVER = """\
+schema: hil/waivers/1
+waivers:
+- id: W-1
+  title: accepted for this mission
+  date: "2026-10-07"
+  until: "2999-01-01"
+  by: Ada
+  requirement: T-010
+  rev: {rev}
+  fingerprint: {fingerprint}
+  units: [{{part: "{part}", serial: "{serial}"}}]
+  reason: it is enough
+"""
+REPORT = """\
+schema: hil/nonconformances/1
+nonconformances:
+- id: NCR-1
+  title: it sagged
+  date: "2026-10-06"
+  by: Ada
+  requirements: [T-010]
+  units: [{{part: "{part}", serial: "{serial}"}}]
+"""
+
+
+def test_a_supposed_report_opens_and_a_supposed_waiver_is_told(folders, tmp_path):
+    """A report that names a requirement reopens it; a waiver that nobody has approved closes nothing, and says so."""
+    world = closed(folders)
+    asked = next(each for each in world.asked if each.id == "T-010")
+    one = world.packages[0]
+    facts = {"rev": asked.rev, "fingerprint": asked.fingerprint, "part": one.part, "serial": one.serial}
+    (tmp_path / "reports.yaml").write_text(REPORT.format(**facts), encoding="utf-8")
+    assert reopened(world, folders, tmp_path / "reports.yaml") == {"T-010": ["OPEN_NCR"]}
+    (tmp_path / "waived.yaml").write_text(WAIVER.format(**facts), encoding="utf-8")
+    before, after = map(audit, suppose(world, folders, str(tmp_path / "waived.yaml")))
+    (change,) = changes(before, after)
+    assert (change.id, change.what, change.gained) == ("T-010", "changed", ())
+    assert change.told
+
+
+def test_a_report_in_its_place_is_compared_with_what_was_recorded(folders):
+    """What the ledger has is what it said before."""
+    world = closed(folders)
+    file = folders.fixtures / "nonconformances.yaml"
+    file.write_text("schema: hil/nonconformances/1\nnonconformances: {}\n", encoding="utf-8")
+    with pytest.raises(Refused, match="the ledger has no nonconformances to compare with"):
+        suppose(world, folders, str(file))
+    record(folders.reports, world, audit(world))
+    append(folders.reports, Baseline(subject="nonconformances", object=put_object(folders.reports, NO_REPORTS)))
+    one = world.packages[0]
+    file.write_text(REPORT.format(part=one.part, serial=one.serial), encoding="utf-8")
+    now = read_world(folders, NO_CACHE, version="1.0")
+    entries = (*world.entries, *read(folders.reports).entries)
+    assert reopened(replace(world, filed=now.filed, entries=entries), folders, file) == {"T-010": ["OPEN_NCR"]}

@@ -12,7 +12,8 @@ import pytest
 from evidence_runs import sealed_run
 from sweeps import sample
 
-from hil.evidence.ledger.approvals import Subject, approve, said_of, sign_package, stray_files
+from hil.evidence.ledger import approvals
+from hil.evidence.ledger.approvals import Subject, approve, keep_signers, said_of, sign_package, stray_files
 from hil.evidence.ledger.book import append, check, object_file, put_object, read
 from hil.evidence.ledger.entries import Approved, Baseline, Signed
 from hil.evidence.ledger.signing import APPROVAL, PACKAGE, Statement, sign
@@ -301,3 +302,27 @@ def test_keys_on_tokens_are_allowed_beside_others(place, monkeypatch, capfd):
     with pytest.raises(Refused, match=r"token\.pub: ssh-keygen signed nothing; its message stands above"):
         place.approve("bo", "token.pub")
     assert capfd.readouterr().err
+
+
+def test_an_approval_is_judged_by_the_signers_of_its_day_as_well(place, monkeypatch):
+    """Whoever gets a role today, from an earlier day on, did not hold it when the approval was entered."""
+    held = SIGNERS.replace("name: Bo, roles: [{role: quality", "name: Bo, roles: [{role: reader")
+    (place.fixtures / "signers.yaml").write_text(held)
+    keep_signers(place.reports, place.signers)
+    (place.fixtures / "signers.yaml").write_text(SIGNERS)
+    with monkeypatch.context() as patched:  # as somebody would who writes the ledger's entry without hil
+        patched.setattr(approvals, "keep_signers", lambda *_: None)
+        place.approve("bo")
+    (problem,) = place.problems()
+    assert problem.startswith("by the signers of 20")
+    assert "when it was entered: bo@x does not hold the role quality" in problem
+
+
+def test_what_was_kept_of_signers_and_is_gone_counts_for_nothing(place):
+    """Nobody can tell who could sign."""
+    place.approve("bo")
+    (kept,) = read(place.reports).of(Baseline)
+    assert place.problems() == [""]
+    object_file(place.reports, kept.object).unlink()
+    (problem,) = place.problems()
+    assert problem.startswith("it is not known who could sign when it was entered")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import hashlib
 import os
 import sys
 from contextlib import contextmanager
@@ -51,7 +52,7 @@ def _uncollected() -> Iterator[None]:
 @click.option("--as-of", metavar="DATE", help="The state at the end of a past day of UTC, from the ledger.")
 @click.option("--if", "supposed", metavar="FILE", help="Only what a changed catalogue or register would reopen.")
 @click.option("--head", metavar="SHA256", help="A head that was published earlier; the ledger must still contain it.")
-@click.option("--strict", is_flag=True, help="Exit with 1 if a requirement is open.")
+@click.option("--strict", is_flag=True, help="Exit with 1 if a requirement is open or the settings name no ledger.")
 @click.option("--record", is_flag=True, help="Enter catalogue, registers and changes of status into the ledger.")
 @click.option("--because", default="", metavar="TEXT", help="Why entries of catalogue or registers are gone.")
 @name_option("--by", help="Who says why they are gone.")
@@ -77,9 +78,11 @@ def command(
 
     What is gone from the catalogue or a register counts on until --record --because TEXT --by NAME says why.
 
-    --if takes a changed requirements.yaml, duts.yaml or instruments.yaml, or the word analysis.
+    --if takes a changed requirements.yaml, duts.yaml, instruments.yaml, nonconformances.yaml or waivers.yaml, or the
+    word analysis.
 
-    Exit code 0; 1 with --strict if a requirement is open; 2 if a package or the ledger is damaged.
+    Exit code 0; 1 with --strict if a requirement is open or the settings name no ledger; 2 if a package or the ledger
+    is damaged.
     """
     from hil.audit.cache import Cache  # noqa: PLC0415 - heavy
     from hil.audit.engine import audit  # noqa: PLC0415 - heavy
@@ -102,6 +105,16 @@ def command(
     document = audit(world)
     if record:
         _record(world, document, folders)
+    _tell(document, formats, output, folders)
+    if pin := _missing_pin(world, folders):
+        click.echo(f"\n{pin}", err=bool(formats and not output))
+    if _is_damaged(document, world):
+        return _DAMAGED
+    return _OPEN if strict and (document.summary.open or pin) else 0
+
+
+def _tell(document: Document, formats: Sequence[str], output: Path | None, folders: Folders) -> None:
+    """Write the files that are asked for, and what is open unless standard output is one of them."""
     if formats:
         _write(document, formats, output, folders.reports)
     if not formats or output:
@@ -111,9 +124,21 @@ def command(
             click.echo(visible(line))
         if not formats and document.summary.open:
             click.echo("\nEvery reason of every requirement: hil audit --format html --output DIR")
-    if _is_damaged(document, world):
-        return _DAMAGED
-    return _OPEN if strict and document.summary.open else 0
+
+
+def _missing_pin(world: World, folders: Folders) -> str:
+    """Return that the settings name no ledger, and what to write into them; empty where they name one."""
+    from hil.evidence.ledger.book import ledger_file  # noqa: PLC0415 - heavy
+
+    file = ledger_file(folders.reports)
+    if folders.ledger or world.as_of or not file.exists():
+        return ""
+    with file.open("rb") as lines:
+        first = hashlib.sha256(lines.readline()).hexdigest()
+    return (
+        "NOT PINNED: the settings of the workspace name no ledger, so that another one in its place would be believed; "
+        f'write into hil.toml: ledger = "{first}"'
+    )
 
 
 def _require_sense(
@@ -249,6 +274,8 @@ def _changed_lines(found: Sequence[Change], before: Document) -> Iterator[str]:
             yield f"  + {reason.code}: {reason.text}"
         for reason in change.lost:
             yield f"  - {reason.code}: {reason.text}"
+        for sentence in change.told:
+            yield f"  * {sentence}"
 
 
 def _counted(count: int, noun: str) -> str:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import msgspec
 
@@ -15,7 +16,7 @@ from hil.evidence.durable import read_plain, write_whole
 from hil.evidence.ledger.book import LEDGER, Ledger, append, append_once, object_file, put_object, read, read_object
 from hil.evidence.ledger.entries import Approved, Baseline, Entry, Sealed, Signed
 from hil.evidence.ledger.signing import APPROVAL, PACKAGE, Statement, problem_of, read_statement, sign
-from hil.model.errors import EvidenceError, Refused
+from hil.model.errors import EvidenceError, HilError, Refused
 from hil.registers.signers import ALLOWED, REVOKED, SIGNERS, Signers, load_signers
 
 __all__ = ["Said", "Subject", "approve", "keep_signers", "said_of", "sign_package", "signers_then", "stray_files"]
@@ -217,14 +218,17 @@ def keep_signers(reports: Path, signers: Signers) -> None:
     Raises:
         EvidenceError: if the ledger cannot be written.
     """
-    paths = (signers.folder / name for name in _FILES)
-    there = {path.name: read_plain(path) for path in paths if path.exists()}
-    kept = put_object(reports, msgspec.json.encode(_Kept(format=1, files=there), order="sorted"))
+    kept = put_object(reports, msgspec.json.encode(_Kept(format=1, files=_files_of(signers)), order="sorted"))
 
     def stands(ledger: Ledger) -> bool:
         return [each.object for each in ledger.of(Baseline) if each.subject == "signers"][-1:] == [kept]
 
     append_once(reports, Baseline(subject="signers", object=kept), stands)
+
+
+def _files_of(signers: Signers) -> dict[str, bytes]:
+    paths = (signers.folder / name for name in _FILES)
+    return {path.name: read_plain(path) for path in paths if path.exists()}
 
 
 def signers_then(reports: Path, entries: Iterable[Entry], place: Path) -> Signers | None:
@@ -274,10 +278,31 @@ def _problem(ledger: Ledger, entry: Signed | Approved, subject: Subject, signers
         return "its statement says something else than the ledger's entry"
     if statement.utc > entry.utc:
         return f"it was signed {statement.utc}, after it was entered {entry.utc}"
-    file = object_file(ledger.reports, entry.signature)
-    if problem := problem_of(statement, file, utc=entry.utc, fixtures=signers.folder):
-        return problem
-    return _not_entitled(subject, signers, entry.principal, role, entry.utc, authors) if role else ""
+
+    def by(who: Signers) -> str:
+        file = object_file(ledger.reports, entry.signature)
+        if problem := problem_of(statement, file, utc=entry.utc, fixtures=who.folder):
+            return problem
+        return _not_entitled(subject, who, entry.principal, role, entry.utc, authors) if role else ""
+
+    return by(signers) or _problem_then(ledger, entry, signers, by)
+
+
+def _problem_then(ledger: Ledger, entry: Signed | Approved, signers: Signers, by: Callable[[Signers], str]) -> str:
+    """Return why a signature did not count by those who could sign when it was entered; empty if it did."""
+    before = [each for each in ledger.entries if each.seq < entry.seq]
+    kept = [each.object for each in before if isinstance(each, Baseline) and each.subject == "signers"]
+    if not kept:
+        return ""  # earlier versions of hil kept none
+    try:
+        if _files_in(read_object(ledger.reports, kept[-1])) == _files_of(signers):
+            return ""
+        with TemporaryDirectory() as place:
+            then = signers_then(ledger.reports, before, Path(place))
+            problem = by(then) if then else ""
+    except HilError as error:
+        return f"it is not known who could sign when it was entered: {error}"
+    return f"by the signers of {entry.utc[:10]}, when it was entered: {problem}" if problem else ""
 
 
 def _not_entitled(subject: Subject, signers: Signers, principal: str, role: str, utc: str, authors: set[str]) -> str:
