@@ -12,7 +12,7 @@ from magnetorquer_runs import ROOT
 pytestmark = pytest.mark.system
 
 
-@pytest.mark.timeout(600)
+@pytest.mark.timeout(1800)
 @pytest.mark.parametrize("repetitions", sweeps.sample([10, 3, 4, 5, 7, 13, 17, 20, 23, 28, 33, 40, 50, 64, 81, 100], 1))
 def test_every_number_of_repetitions_passes(tmp_path, repetitions):
     """The readings of the envelope find their places before and between the samples of every recording."""

@@ -146,13 +146,21 @@ class Monitor:
         unwatched = self.stale(began_ns)
         self.catch_up()
         figure = self._read()
-        self._lasts_ns = now() - began_ns
-        self._least_ns = min(self._lasts_ns, self._least_ns or self._lasts_ns)
-        self._seen += 1
+        self.lasted(now() - began_ns)
         trip = self.judge(self.counted(figure), now()) or unwatched
         if self._outside:
             self.due_ns = min(self.due_ns, began_ns + self._period_ns // _SOONER)
         return figure, trip
+
+    def read_once(self) -> None:
+        """Take a reading that is not judged, to see how long it lasts."""
+        self._read()
+
+    def lasted(self, duration_ns: int) -> None:
+        """Note how long a reading took."""
+        self._lasts_ns = duration_ns
+        self._least_ns = min(duration_ns, self._least_ns or duration_ns)
+        self._seen += 1
 
     def counted(self, figure: Figure) -> Figure:
         """Return a reading that was just taken as it counts: within the limit where that does not apply now."""

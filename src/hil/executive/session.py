@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from functools import partial
 from pathlib import Path
@@ -39,6 +39,7 @@ from hil.executive.watching.holding import Holding
 from hil.executive.watching.keeper import BenchKeeper
 from hil.executive.watching.machine import LiveMachine, live_machine
 from hil.executive.watching.ports import Machine, NoMachine
+from hil.executive.watching.room import asked_of
 from hil.executive.watching.timeline import timeline_of
 from hil.model.identity import Source
 from hil.model.verdict import Verdict
@@ -127,6 +128,7 @@ class Session:
         self._verdicts: list[Verdict] = []
         self._attempts: dict[str, int] = {}
         self._stopped = False
+        self._planned = tuple(planned)
         self._open_cases = dict.fromkeys(case.id for case in planned)
         self._closing = ExitStack()
         try:
@@ -216,11 +218,14 @@ class Session:
         """The run's folder."""
         return self.record.folder
 
-    def arm(self) -> None:
-        """Arm the bench; where it cannot be, every case is NOT_RUN for that reason, and so they are after a stop."""
+    def arm(self, left_out: Collection[str] = ()) -> None:
+        """Arm the bench; where it cannot be, every case is NOT_RUN for that reason, and so they are after a stop.
+
+        There need not be room for the recordings of cases that are left out.
+        """
         if self.flags.reason:
             return
-        refusal = self.keeper.arm()
+        refusal = self.keeper.arm(asked_of(self._planned, left_out, self.configuration.catalogue.requirement))
         if refusal and not self.flags.reason:
             self.poison = f"the bench was not armed: {refusal}"
             self._verdicts.append(Verdict.ERROR)

@@ -135,7 +135,7 @@ class Campaign:
         except HilError as error:
             self._refuse(error)
         try:
-            self.session.arm()
+            self.session.arm({*self._skipped, *self._deselected})
             return (yield)
         finally:
             try:

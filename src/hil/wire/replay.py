@@ -75,6 +75,9 @@ _IN_PARTS = 4
 _NOT_SHARED = 5
 """The last format of transcripts in which recordings did not share the bus by plan."""
 
+_NOT_ALL_SHARED = 6
+"""The last format of transcripts in which those beside a case did not, and only rows of streams fed limits."""
+
 _HEX_SHOWN = 48
 
 
@@ -107,6 +110,8 @@ class Playback:
         rows_wait: whether rows of its streams waited as long as the limits that they feed allow.
         in_parts: whether a question and its reply were operations of their own.
         shared: whether recordings shared the bus by plan, and what disturbed one was not held against the article.
+        all_share: whether those beside a case did, too, rows of sampled roles fed limits, and the first arming looked
+            whether there is room.
     """
 
     def __init__(self, path: Path, clock: Clock, where: Callable[[], str], handover: Handover | None = None) -> None:
@@ -120,6 +125,7 @@ class Playback:
         self.rows_wait = format_ > _NEVER_WAITED
         self.in_parts = format_ <= _IN_PARTS
         self.shared = format_ > _NOT_SHARED
+        self.all_share = format_ > _NOT_ALL_SHARED
         alike = format_ <= _ALL_ALIKE
         self._alike = {MONITOR: {MONITOR}, OVERDUE: {MONITOR} if alike else {OVERDUE}}
 

@@ -23,21 +23,23 @@ __all__ = [
 ]
 
 _COLUMNS = "sequence\tdevice\toperation\tstart_ns\tend_ns\tsent\treceived\terror\n"
-HEADER = f"hil/transcript/6 {_COLUMNS}"
+HEADER = f"hil/transcript/7 {_COLUMNS}"
 """The first line: format and columns, as many of them as every line has."""
 
 _FORMATS = {
-    HEADER: 6,
+    HEADER: 7,
+    f"hil/transcript/6 {_COLUMNS}": 6,
     f"hil/transcript/5 {_COLUMNS}": 5,
     f"hil/transcript/4 {_COLUMNS}": 4,
     f"hil/transcript/3 {_COLUMNS}": 3,
     f"hil/transcript/2 {_COLUMNS}": 2,
     f"hil/transcript/1\t{_COLUMNS}": 1,
 }
-"""Up to format 5 recordings were not refused for want of room, nor their rates and gaps excused. Up to format 4 a
-question and its reply on a Modbus line were operations of their own. Up to format 3 rows of a stream did not wait for
-their limits. Format 2 gave a monitor's turn at a point the name of one in a wait, format 1 had a header with one field
-more."""
+"""Up to format 6 recordings beside a case did not share the bus by plan, rows of roles that are sampled fed no limits,
+and no arming looked whether there is room for recordings. Up to format 5 none was refused for want of room, nor its
+rate and gap excused. Up to format 4 a question and its reply on a Modbus line were operations of their own. Up to
+format 3 rows of a stream did not wait for their limits. Format 2 gave a monitor's turn at a point the name of one in a
+wait, format 1 had a header with one field more."""
 
 _FIELDS = 8
 _NUMBERS = frozenset({"sequence", "start_ns", "end_ns"})
@@ -206,7 +208,7 @@ def damaged_lines(path: Path) -> Iterator[tuple[int, str]]:
         raise EvidenceError(f"{path} is missing", "without its transcript a run cannot be replayed")
     with path.open(encoding="ascii", errors="surrogateescape", newline="\n") as lines:
         if next(lines, "") not in _FORMATS:
-            yield 1, "the line is damaged: expected the header of a transcript of format 1 to 6"
+            yield 1, "the line is damaged: expected the header of a transcript of format 1 to 7"
         for number, line in enumerate(lines, start=2):
             fields = line[:-1].split("\t", _FIELDS - 1)
             if line.endswith("\n") and (wrong := _wrong(fields, number - 2)):
@@ -246,7 +248,7 @@ def _lines(path: Path) -> Iterator[str]:
     with path.open(encoding="ascii", errors="surrogateescape", newline="\n") as lines:
         header = next(lines, "")
         if header not in _FORMATS:
-            raise EvidenceError(f"{path.name} is not a transcript of format 1 to 6")
+            raise EvidenceError(f"{path.name} is not a transcript of format 1 to 7")
         yield header
         yield from lines
 

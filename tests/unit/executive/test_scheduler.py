@@ -298,7 +298,7 @@ class Record:
         self.turns = list(turns_ns)
         self.taken: list[int] = []
 
-    rows_wait, in_parts, shared = True, False, True
+    rows_wait, in_parts, shared, all_share = True, False, True, True
 
     def hand_over_if_due(self) -> None:
         """Go on answering."""

@@ -20,13 +20,14 @@ from hil.executive.cases.during import During
 from hil.executive.cases.effects import Effects
 from hil.executive.cases.escapes import OfThisProcess
 from hil.executive.cases.facade import Facade, RoleSet
-from hil.executive.cases.recording import UNDISTURBED, Disturbance, Recording, clipped
+from hil.executive.cases.recording import UNDISTURBED, Disturbance, Recording, clipped, delayed_before
 from hil.executive.cases.steps import Steps, file_part
 from hil.executive.cases.streaming import SampledTurns, StreamTurns
-from hil.executive.cases.taking import Taking
+from hil.executive.cases.taking import Taking, fed_by
 from hil.executive.journaling.row_store import RowStore
+from hil.executive.watching.feeding import Fed
 from hil.executive.watching.scheduler import Scheduler
-from hil.executive.watching.sharing import Course, Pace, refusal
+from hil.executive.watching.sharing import Course, Pace, Share, refusal
 from hil.instruments.sampled import Frame, StreamReport
 from hil.model.errors import Misused
 from hil.model.identity import Source
@@ -100,7 +101,8 @@ class Recorder(OfThisProcess):
         if continues:
             arguments["continues"] = True
         if not (role := sources[0].streamed):
-            course = Course(self._scheduler.monitoring.bus, round(NANOSECONDS / rate), "the computer")
+            bus, period_ns = self._scheduler.monitoring.bus, round(NANOSECONDS / rate)
+            course = Course(bus, _named(sources), period_ns, "the computer")
             self._effects.perform(f"record.{name}", "records", arguments, lambda: self._sample(facts, sources, course))
             return self._finished(facts, sources, None, Disturbance(course, dut=_of_dut(sources)))
         turns = StreamTurns(sources[0], role, self._scheduler.clock, rate, duration + 0.5 / rate)
@@ -116,19 +118,20 @@ class Recorder(OfThisProcess):
 
         Raises:
             ValueError: for no role, or a rate that is not above zero.
-            Misused: as above, and for a role that is recorded already.
+            Misused: as above, and for a role that is recorded already; on entering, where rate, gap and maximum ages
+                of limits cannot all hold.
         """
         self._require(name, sources, True, rate)
         facts = self._facts(name, sources, rate, None)
         role = sources[0].streamed
         clock = self._scheduler.clock
-        course = Course(
-            self._scheduler.monitoring.bus,
-            round(NANOSECONDS / rate),
-            "the case, which let no turn be taken,",
-            skips=True,
-        )
-        turns = StreamTurns(sources[0], role, clock, rate) if role else SampledTurns(sources, clock, rate, course)
+        turns: StreamTurns | SampledTurns
+        if role:
+            turns = StreamTurns(sources[0], role, clock, rate)
+        else:
+            bus, period_ns = self._scheduler.monitoring.bus, round(NANOSECONDS / rate)
+            course = Course(bus, _named(sources), period_ns, "the case, which let no turn be taken,", skips=True)
+            turns = SampledTurns(sources, clock, rate, course, lambda fed: self._share(facts, sources, None, fed))
         taking = Taking(facts, sources, turns, self._scheduler, self._store)
         self._beside.append(taking)
         return During(taking, self._effects, self._scheduler, self)
@@ -246,61 +249,74 @@ class Recorder(OfThisProcess):
 
     def _sample(self, facts: events.Recording, sources: tuple[Facade, ...], course: Course) -> str:
         """Take one sample after the other; return the hash of the rows."""
-        source = _named(sources)
+        scheduler, bus = self._scheduler, self._scheduler.monitoring.bus
         count = max(1, round((facts.duration or 0) * facts.rate))
-        known = self._scheduler.monitoring.bus.sample_ns(source) > 0
-        pace = self._pace(facts, source, count)
-        share = self._scheduler.share(pace)
-        self._require_room(facts, sources, pace)
+        fed = fed_by(facts, sources, scheduler)
+        share = self._share(facts, sources, count, fed)
         recording = self._store.begin(facts)
-        complete = False
-        self._scheduler.monitoring.bus.shares.append(share)
+        complete, feed, done = False, None, recording.rows.rows
         try:
-            done = recording.rows.rows
-            start_ns = self._scheduler.now_ns() - round(done * NANOSECONDS / facts.rate)
+            if done:  # the run was stopped in it, and the bench armed again
+                share = scheduler.share(replace(share.pace, count=count - done), fed)
+            feed = scheduler.feed(fed, 1 / facts.rate, facts.recording) if fed else None
+            bus.shares.append(share)
+            start_ns = scheduler.now_ns() - round(done * NANOSECONDS / facts.rate)
             for index in range(done, count):
                 due_ns = start_ns + round(index * NANOSECONDS / facts.rate)
-                self._scheduler.wait_until(due_ns)
-                began_ns = self._scheduler.now_ns()
+                scheduler.wait_until(due_ns)
+                began_ns = scheduler.now_ns()
                 row = [number for source in sources for number in source.sample()]
-                now_ns = self._scheduler.now_ns()
+                now_ns = scheduler.now_ns()
                 recording.append((now_ns / NANOSECONDS, *row))
                 course.sampled(index, due_ns, began_ns, now_ns)
-                share.sampled(index - done, now_ns)
-                self._scheduler.monitoring.bus.sampled(source, now_ns - began_ns)
-                share.pace = share.pace if known else self._pace(facts, source, count)
-                known = True
+                share.sampled(index - done, began_ns, now_ns)
+                if feed:
+                    scheduler.judge(feed, [[now_ns / NANOSECONDS, *row]])
             complete = True
         finally:
-            self._scheduler.monitoring.bus.shares.remove(share)
+            bus.leave(share)
+            if feed:
+                scheduler.unfeed(feed)
             digest = recording.finish(complete=complete)
         return digest
 
-    def _pace(self, facts: events.Recording, source: str, count: int | None) -> Pace:
-        """Return how a recording samples, as far as that is known: one that was never taken has half of its period."""
-        period_ns = round(NANOSECONDS / facts.rate)
-        return Pace(
+    def _share(self, facts: events.Recording, sources: tuple[Facade, ...], count: int | None, fed: Fed) -> Share:
+        """Return what a recording leaves of the bus for the limits that it does not feed.
+
+        One that was never taken is believed to need half of its period for a sample.
+
+        Raises:
+            Misused: a requirement asks for it, and rate, gap and maximum ages cannot all hold.
+        """
+        scheduler, source, period_ns = self._scheduler, _named(sources), round(NANOSECONDS / facts.rate)
+        sample_ns = scheduler.monitoring.bus.sample_ns(source)
+        pace = Pace(
             name=facts.name,
             period_ns=period_ns,
-            sample_ns=self._scheduler.monitoring.bus.sample_ns(source) or period_ns // 2,
+            sample_ns=sample_ns or period_ns // 2,
             count=count,
             gap_ns=self._gaps_ns.get(facts.name),
             required=facts.name in self._gaps_ns,
+            skips=count is None,
         )
+        share = scheduler.share(pace, fed)
+        share.known = sample_ns > 0
+        self._require_room(sources, pace, fed)
+        return share
 
-    def _require_room(self, facts: events.Recording, sources: tuple[Facade, ...], pace: Pace) -> None:
+    def _require_room(self, sources: tuple[Facade, ...], pace: Pace, fed: Fed) -> None:
         """Refuse a recording that a requirement asks for, and in which rate, gap and maximum ages cannot all hold.
 
         A device under test that takes too long for its samples is not refused, but judged. A record of a run that
         refused none is replayed as it was.
         """
-        of_own = pace.pause_ns <= 0 and _of_dut(sources)
-        if facts.name not in self._gaps_ns or of_own or not self._scheduler.timeline.shared:
+        timeline, of_own = self._scheduler.timeline, pace.pause_ns <= 0 and _of_dut(sources)
+        if not pace.required or of_own or not (timeline.all_share if pace.skips else timeline.shared):
             return
         known_ns = self._scheduler.monitoring.bus.proven_ns(_named(sources))
-        monitors = self._scheduler.monitoring.all if self._scheduler.watching else ()
+        monitors = self._scheduler.monitoring.beside(fed) if self._scheduler.watching else ()
         if problem := refusal(replace(pace, sample_ns=known_ns), monitors):
-            raise Misused(f"record '{facts.name}': {problem}")
+            raise Misused(f"record '{pace.name}': {problem}")
 
     def _finished(
         self,
@@ -311,6 +327,8 @@ class Recorder(OfThisProcess):
     ) -> Recording:
         recorded = replace(read_recording(self._store.recordings, facts, None), complete=True)
         voids = self._store.voids(facts.recording)
+        if facts.continues and disturbance.course:
+            disturbance = replace(disturbance, told=delayed_before(recorded, voids))
         uncertainties, provenances = _known(facts, recorded, sources)
         recording = Recording(recorded, uncertainties, provenances, report, voids, facts)
         taken = {

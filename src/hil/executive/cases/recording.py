@@ -29,6 +29,7 @@ __all__ = [
     "behind_channels",
     "clipped",
     "data_checks",
+    "delayed_before",
     "recorded_as",
     "required_gaps",
 ]
@@ -145,7 +146,8 @@ class Disturbance:
     Attributes:
         course: how its samples were taken, None of a stream.
         dut: whether the device under test was sampled, so that the time that it takes is its own affair.
-        told: of a stream, why rows may have been lost on the way, a sentence; empty if none can have been.
+        told: of a stream, why rows may have been lost on the way, a sentence; empty if none can have been. Of samples,
+            what is said in place of what the course shows.
     """
 
     course: Course | None = None
@@ -166,6 +168,27 @@ class Disturbance:
 
 
 UNDISTURBED = Disturbance()
+
+
+def delayed_before(recorded: Recorded, voids: Sequence[events.Voided]) -> str:
+    """Return a sentence on the largest gap of a recording that continued, if it is from before its run was stopped.
+
+    The process that took those samples is gone, and with it what it knew of their course.
+    """
+    stops = [part.first for part in voids if 0 < part.first < len(recorded)]
+    if not stops:
+        return ""
+    gaps = recorded.time[1:] - recorded.time[:-1]
+    gaps[[row - 1 for row in stops]] = 0.0
+    row, last = int(gaps.argmax()) + 1, max(stops)
+    late_s = float(gaps[row - 1]) - 1 / recorded.rate
+    if row > last or late_s <= 0:
+        return ""
+    return (
+        f"the run was stopped after sample {last} and resumed; what delayed sample {row + 1} by {late_s * 1e3:.4g} ms"
+        " before that is not known"
+    )
+
 
 Criterion = tuple[Limit, Figure | str, str]
 """What must hold, what was found, and a reason where that says more than the two; else empty."""

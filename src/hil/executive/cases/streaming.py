@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Protocol, cast
 from hil.clock.port import FOREVER_NS, NANOSECONDS
 from hil.executive.cases.facade import Facade
 from hil.executive.journaling.row_store import OpenRecording
-from hil.executive.watching.feeding import Feed
+from hil.executive.watching.feeding import Fed, Feed
 from hil.executive.watching.ports import Beside
 from hil.executive.watching.scheduler import Scheduler
-from hil.executive.watching.sharing import Course
+from hil.executive.watching.sharing import Course, Share
 from hil.instruments.sampled import Ending, Patient, Streamed, StreamReport
 from hil.model.errors import DeviceFault
 
@@ -300,9 +300,18 @@ class SampledTurns:
         clock: the bench's clock.
         rate: samples per second.
         course: hears how it goes.
+        shares: returns what they leave of the bus, given the limits that they feed.
+
+    Attributes:
+        share: that, once they are prepared.
     """
 
-    def __init__(self, sources: Sequence[Facade], clock: Clock, rate: float, course: Course) -> None:
+    share: Share
+
+    def __init__(
+        self, sources: Sequence[Facade], clock: Clock, rate: float, course: Course, shares: Callable[[Fed], Share]
+    ) -> None:
+        self._shares = shares
         self.what = f"the recording of {' and '.join(source.wire.name for source in sources)}"
         self._sources = sources
         self.course = course
@@ -313,14 +322,24 @@ class SampledTurns:
         self.due_ns = FOREVER_NS
         self.failed = False
 
+    def prepare(self, fed: Fed) -> None:
+        """Find out what is left of the bus, and let limits be read that would find no room later.
+
+        Raises:
+            Misused: rate, gap and maximum ages cannot all hold.
+        """
+        self.share = self._shares(fed)
+
     def begin(self, intake: Intake) -> None:
         """Take the first sample. See `Turns`."""
         self._intake = intake
         self._start_ns = self._clock.now_ns()
+        self.share.restart(self._start_ns)
         self.take()
 
     def begin_again(self) -> None:
-        """Go on at the next turn from now."""
+        """Take a sample now, and go on at the next turn."""
+        self.course.begin_again(self._clock.now_ns())
         self.take()
 
     def take(self) -> None:
@@ -337,6 +356,7 @@ class SampledTurns:
         self.course.sampled(self._turn, min(due_ns, began_ns), began_ns, now_ns)
         self._turn = max(self._turn + 1, int((now_ns - self._start_ns) * self._rate / NANOSECONDS) + 1)
         self.due_ns = self._start_ns + round(self._turn * NANOSECONDS / self._rate)
+        self.share.sampled(self._turn - 1, began_ns, now_ns)
         self._intake.take_row([now_ns / NANOSECONDS, *row])
 
     def end(self) -> None:

@@ -5,15 +5,34 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 
+from hil.bench.envelope import Monitor
 from hil.evidence import events
 from hil.executive.cases.facade import Facade
 from hil.executive.cases.streaming import Intake, SampledTurns, StreamTurns
 from hil.executive.journaling.row_store import OpenRecording, RowStore
-from hil.executive.watching.feeding import monitors_of, pause_allowed
+from hil.executive.watching.feeding import OFTEN, Columns, Fed, monitors_of, pause_allowed
 from hil.executive.watching.scheduler import Scheduler
 from hil.instruments.sampled import StreamReport
 
-__all__ = ["Taking"]
+__all__ = ["Taking", "fed_by"]
+
+
+def fed_by(facts: events.Recording, sources: Sequence[Facade], scheduler: Scheduler) -> Fed:
+    """Return the limits that the rows of roles that are sampled feed, so that they are not read beside them."""
+    if not (scheduler.watching and scheduler.timeline.all_share):
+        return ()
+    every_s, place, found = 1 / facts.rate, 1, list[tuple[Columns, Monitor]]()
+    free = [
+        each
+        for each in scheduler.monitoring.all
+        if each.derivation is None and each.limit.period_s >= OFTEN * every_s and not scheduler.feeds.feeds(each)
+    ]
+    for source in sources:
+        channels = source.sampled.channels()
+        columns = {(channel.name, channel.unit): column for column, channel in enumerate(channels, place)}
+        found += monitors_of(source.wire.name, columns, every_s, free)
+        place += len(channels)
+    return found
 
 
 class Taking:
@@ -42,6 +61,7 @@ class Taking:
         scheduler: Scheduler,
         store: RowStore,
     ) -> None:
+        self._fed: Fed = ()
         self.facts = facts
         self.sources = tuple(sources)
         self.turns = turns
@@ -78,12 +98,18 @@ class Taking:
 
         Raises:
             DeviceFault: a device does not answer; the recording is ended as incomplete.
+            Misused: rate, gap and maximum ages cannot all hold; nothing has begun then.
         """
+        if isinstance(self.turns, SampledTurns):
+            self._fed = fed_by(self.facts, self.sources, self._scheduler)
+            self.turns.prepare(self._fed)
         self._recording = self._store.begin(self.facts)
         self.intake = Intake(self._recording, self._scheduler)
         try:
             self.turns.begin(self.intake)
             self._feed()
+            if isinstance(self.turns, SampledTurns):
+                self._scheduler.monitoring.bus.shares.append(self.turns.share)
             self._scheduler.begin_beside(self.turns)
         except BaseException:
             self.end(complete=False)
@@ -102,6 +128,8 @@ class Taking:
         if self._told is not None or self._recording is None:
             return self._told or ""
         self._scheduler.end_beside(self.turns)
+        if isinstance(self.turns, SampledTurns):
+            self._scheduler.monitoring.bus.leave(self.turns.share)
         digest = ""
         try:
             if complete and not self.turns.failed:
@@ -118,7 +146,9 @@ class Taking:
         return self._told
 
     def _feed(self) -> None:
-        """Let the rows of a stream feed the limits that watch them; a role that is sampled is asked by them, too."""
+        """Let the rows feed the limits that watch them."""
+        if self._fed:
+            self.intake.feed = self._scheduler.feed(self._fed, self.turns.every_s, self.facts.recording)
         if isinstance(self.turns, StreamTurns):
             source = self.sources[0]
             columns = {

@@ -53,6 +53,7 @@ class PlannedCase:
         requirements: ids of its marker.
         max_duration_s: bench time that it may take.
         repeatable: why an attempt that ended without a verdict may be repeated, empty if it counts.
+        fixtures: the names of all fixtures that it needs, roles among them.
     """
 
     id: str
@@ -61,6 +62,7 @@ class PlannedCase:
     requirements: tuple[str, ...]
     max_duration_s: float
     repeatable: str = ""
+    fixtures: frozenset[str] = frozenset()
 
 
 def write_head(configuration: Configuration, planned: Sequence[PlannedCase], folder: Path, journal: EventSink) -> None:

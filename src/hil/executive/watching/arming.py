@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import errno
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from typing import Protocol
 
@@ -53,6 +53,7 @@ class ArmedBench:
         flags: stop requests; they wait while the bench is made safe.
         machine: drives the bench, and guards it.
         thorough: whether everything is looked at, although something is wrong already.
+        room: yields at the first arming of a run whether there is room for what it records.
 
     Attributes:
         touched: whether anything may have been driven.
@@ -60,9 +61,17 @@ class ArmedBench:
     """
 
     def __init__(
-        self, bench: BoundBench, dut: Dut | None, flags: StopFlags, machine: Machine, *, thorough: bool = False
+        self,
+        bench: BoundBench,
+        dut: Dut | None,
+        flags: StopFlags,
+        machine: Machine,
+        *,
+        thorough: bool = False,
+        room: Callable[[], Iterable[Gate]] = tuple,
     ) -> None:
         self._thorough = thorough
+        self._room = room
         self._bench = bench
         self._dut = dut
         self._flags = flags
@@ -113,6 +122,10 @@ class ArmedBench:
         for gate in self.look():
             yield gate, False, True
             ready = ready and gate.ok
+        if ready and arming == FIRST_ARMING and course.timeline.all_share:
+            for gate in self._room():
+                yield gate, False, True
+                ready = ready and gate.ok
         if not ready:
             return
         self.touched = True

@@ -18,9 +18,12 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["Columns", "DerivedFeed", "Fed", "Feed", "Feeds", "Glance", "monitors_of", "pause_allowed"]
+__all__ = ["OFTEN", "Columns", "DerivedFeed", "Fed", "Feed", "Feeds", "Glance", "monitors_of", "pause_allowed"]
 
 _MOST_ROWS = 240
+
+OFTEN = 10
+"""So many rows in the period of a limit stand for its readings: one outside is confirmed as soon as by a reading."""
 
 _Look = tuple[int, list[tuple[int, float, float]]]
 
@@ -227,17 +230,20 @@ class Feed:
         monitors: each with the columns of a row that hold its quantity.
         every_s: how far apart rows may come.
         recording: the recording's id, for the words of a trip.
+
+    Attributes:
+        monitors: those that it feeds.
     """
 
     def __init__(self, monitors: Fed, every_s: float, recording: str) -> None:
         self._recording = recording
         self._fed = [(columns, monitor) for columns, monitor in monitors if isinstance(columns, int)]
         self._derived = DerivedFeed(monitors)
-        self._monitors = [monitor for _, monitor in monitors]
+        self.monitors = [monitor for _, monitor in monitors]
         self._ahead_ns = 0
         places = {monitor.limit.quantity: column for column, monitor in self._fed} | self._derived.places
-        self._glance = Glance(self._monitors, places, self._derived.count)
-        for monitor in self._monitors:
+        self._glance = Glance(self.monitors, places, self._derived.count)
+        for monitor in self.monitors:
             monitor.feed(every_s)
             monitor.catch_up = self._glance.catch_up
 
@@ -268,7 +274,7 @@ class Feed:
     def end(self, now_ns: int) -> None:
         """Let the monitors take readings again."""
         self._glance.catch_up()
-        for monitor in self._monitors:
+        for monitor in self.monitors:
             monitor.catch_up = _nothing
             monitor.unfeed(now_ns)
 
@@ -307,6 +313,10 @@ class Feeds:
         if (void_rows := self._void.pop(recording, None)) is not None:
             feed.count_void(void_rows())
         return feed
+
+    def feeds(self, monitor: Monitor) -> bool:
+        """Return whether rows feed a monitor."""
+        return any(monitor in each.monitors for each in self._feeds.values())
 
     def end(self, feed: Feed, now_ns: int) -> None:
         """Let the monitors of a feed take readings again."""

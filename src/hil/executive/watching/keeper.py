@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from typing import Protocol
 
@@ -18,6 +18,7 @@ from hil.executive.watching.arming import FIRST_ARMING, ArmedBench
 from hil.executive.watching.holding import Holding
 from hil.executive.watching.monitoring import Heartbeat, heartbeats_of, monitor_of
 from hil.executive.watching.ports import Distress, Machine
+from hil.executive.watching.room import Asked, room_gate
 from hil.executive.watching.scheduler import Scheduler
 from hil.executive.watching.timeline import Timeline
 from hil.model.cutting import WatchAfter
@@ -70,7 +71,8 @@ class BenchKeeper:
         self._bench = bench
         self._flags = flags
         self.journal = self._journal = journal
-        self._armed = ArmedBench(bench, dut, flags, machine)
+        self._asked: Iterable[Asked] = ()
+        self._armed = ArmedBench(bench, dut, flags, machine, room=self._room)
         self._store = store
         self._watched: dict[str, OpenRecording] = {}
         self.over = False
@@ -94,8 +96,13 @@ class BenchKeeper:
         """Hold the bench where what is retraced does."""
         self.holding.hold_as_recorded()
 
-    def arm(self) -> str:
-        """Look, make safe, try every output at reduced level, and begin to watch; return why not, if not."""
+    def arm(self, asked: Iterable[Asked] = ()) -> str:
+        """Look, make safe, try every output at reduced level, and begin to watch; return why not, if not.
+
+        Args:
+            asked: the recordings for which there has to be room.
+        """
+        self._asked = asked
         if problem := self._pass_gates(FIRST_ARMING):
             return problem
         for limit in self._bench.spec.envelope:
@@ -106,6 +113,9 @@ class BenchKeeper:
         self.scheduler.watch_from_now()
         self._journal.write(events.Armed())
         return ""
+
+    def _room(self) -> Iterator[Gate]:
+        return room_gate(self._bench, self.scheduler.monitoring, self._asked)
 
     def arm_again(self, arming: int) -> str:
         """Arm a bench that was made safe, and continue watching it; return why not, if not.

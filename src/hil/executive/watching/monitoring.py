@@ -9,6 +9,7 @@ from hil.bench.derived.derivation import Derivation
 from hil.bench.derived.quantities import derivation_of
 from hil.bench.envelope import Monitor, Trip
 from hil.clock.port import NANOSECONDS, Clock
+from hil.executive.watching.feeding import Fed
 from hil.executive.watching.ports import CaseAtWork, Reports
 from hil.executive.watching.sharing import Bus, Pace, Share
 from hil.executive.watching.timeline import Timeline
@@ -34,7 +35,7 @@ class _Ahead(Bus):
 
     Args:
         pace: of the recording.
-        monitors: all of them.
+        monitors: those that its rows do not feed.
     """
 
     def __init__(self, pace: Pace, monitors: Sequence[Monitor]) -> None:
@@ -107,14 +108,29 @@ class Monitoring:
             self._take(monitor, name)
         self.soonest_ns = timeline.soonest_ns(self.all)
 
-    def run_before(self, pace: Pace, timeline: Timeline) -> None:
-        """Run, before the first sample of a recording, those that would be due between two and find no room there."""
-        for _ in self.all:  # what one reading takes may be too long for another one, which then goes before, too
-            ahead = _Ahead(pace, self.all)
-            for monitor in timeline.due(self.all, self._clock.now_ns(), OVERDUE, ahead):
+    def beside(self, fed: Fed) -> list[Monitor]:
+        """Return the monitors but those that rows feed."""
+        return [monitor for monitor in self.all if all(monitor is not each for _, each in fed)]
+
+    def run_before(self, pace: Pace, fed: Fed, timeline: Timeline) -> list[Monitor]:
+        """Run, before the first sample of a recording, those that would be due between two and find no room there.
+
+        Args:
+            pace: of the recording.
+            fed: the limits that its rows feed, which are not read meanwhile.
+            timeline: says what a record has here.
+
+        Returns:
+            the other limits.
+        """
+        monitors = self.beside(fed)
+        for _ in monitors:  # what one reading takes may be too long for another one, which then goes before, too
+            ahead = _Ahead(pace, monitors)
+            for monitor in timeline.due(monitors, self._clock.now_ns(), OVERDUE, ahead):
                 self._take(monitor, OVERDUE)
             if not ahead.admitted:
-                return
+                break
+        return monitors
 
     def run_late(self, when_ns: int, timeline: Timeline) -> None:
         """Run those that are overdue where a wait until `when_ns` would begin long after its end.

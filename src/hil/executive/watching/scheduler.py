@@ -175,12 +175,12 @@ class Scheduler:
         for beside in tuple(self._beside):
             beside.begin_again()
 
-    def share(self, pace: Pace) -> Share:
-        """Return what a recording leaves of the bus, whose first sample is due now; see `Monitoring.run_before`."""
+    def share(self, pace: Pace, fed: Fed = ()) -> Share:
+        """Return what a recording that feeds some limits leaves of the bus for others; see `Monitoring.run_before`."""
         if self.watching:
             self._look()
-            self.monitoring.run_before(pace, self.timeline)
-        return Share(pace, self.now_ns(), self.monitoring.all if self.watching else ())
+        others = self.monitoring.run_before(pace, fed, self.timeline) if self.watching else []
+        return Share(pace, self.now_ns(), others)
 
     def feed(self, fed: Fed, every_s: float, recording: str) -> Feed:
         """Return what judges a recording's rows. See `Feed`."""

@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from array import array
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from statistics import median_low
 
 from hil.bench.envelope import Monitor
 from hil.clock.port import NANOSECONDS
 
-__all__ = ["Bus", "Course", "Pace", "Share", "refusal"]
+__all__ = ["ENOUGH", "Bus", "Course", "Pace", "Share", "refusal"]
 
 _REMEMBERED = 256
-_ENOUGH = 3
+ENOUGH = 3
 """So many samples are seen before one is called too slow: a computer may stall in a single one."""
 
 _NO_GAP = 2**62
+_SLOWEST_NS = 1000 * NANOSECONDS
+_HALVINGS = 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +34,7 @@ class Pace:
         count: how many samples there are, None where the case ends the recording.
         gap_ns: the longest gap that a requirement allows, None if none does.
         required: whether a requirement asks for it; one that nobody asks for gives way to every reading that is late.
+        skips: whether a sample that cannot be taken before the next one is due is left out, and not taken late.
     """
 
     name: str
@@ -39,6 +43,7 @@ class Pace:
     count: int | None
     gap_ns: int | None
     required: bool = True
+    skips: bool = False
 
     @property
     def pause_ns(self) -> int:
@@ -64,6 +69,42 @@ class Pace:
 
 
 def refusal(pace: Pace, monitors: Sequence[Monitor]) -> str:
+    """Return why rate, gap and maximum ages cannot all hold in a recording, and what rate would; empty if they can.
+
+    See `_problem`.
+    """
+    if not (problem := _problem(pace, monitors)):
+        return ""
+    rate = _rate_that_holds(pace, monitors)
+    return f"{problem}; {_rounded_down(rate)} Hz would hold" if rate else problem
+
+
+def _rate_that_holds(pace: Pace, monitors: Sequence[Monitor]) -> float:
+    """Return the highest rate in Hz at which a recording as long would not be refused, 0 if there is none."""
+    longest_ns = min(pace.gap_ns or _NO_GAP, max(pace.lasts_ns, pace.period_ns), _SLOWEST_NS)
+
+    def holds(period_ns: int) -> bool:
+        count = None if pace.count is None else pace.lasts_ns // period_ns + 1
+        return not _problem(replace(pace, period_ns=period_ns, count=count), monitors)
+
+    low_ns, high_ns = pace.period_ns, pace.period_ns
+    while not holds(high_ns):
+        if high_ns >= longest_ns:
+            return 0.0
+        low_ns, high_ns = high_ns, min(2 * high_ns, longest_ns)
+    for _ in range(_HALVINGS):
+        middle_ns = (low_ns + high_ns) // 2
+        low_ns, high_ns = (low_ns, middle_ns) if holds(middle_ns) else (middle_ns, high_ns)
+    return NANOSECONDS / high_ns
+
+
+def _rounded_down(rate: float) -> str:
+    """Return a rate with three digits, none of them rounded up."""
+    digit = 10.0 ** (math.floor(math.log10(rate)) - 2)
+    return f"{math.floor(rate / digit * (1 + 1e-12)) * digit:.3g}"
+
+
+def _problem(pace: Pace, monitors: Sequence[Monitor]) -> str:
     """Return why rate, gap and maximum ages cannot all hold in a recording, with the figures; empty if they can.
 
     Every figure is the best of at least three that were seen: the shortest sample, the shortest reading. A recording
@@ -87,11 +128,12 @@ def refusal(pace: Pace, monitors: Sequence[Monitor]) -> str:
     for each in inside:
         needs_ns = each.least_room_ns + pace.sample_ns
         if each.least_room_ns > pace.pause_ns and pace.gap_ns is not None and needs_ns > pace.gap_ns:
+            sample = f"with a sample of {_ms(pace.sample_ns)}" if pace.sample_ns else "even if a sample took no time,"
             return (
                 f"{each.limit.id} has to be read at least every {_s(each.allowed_ns)} (its maximum age less its"
                 f" period), and the recording lasts {_s(pace.lasts_ns)}; its reading takes {_ms(each.least_room_ns)}"
-                f" with a quarter to spare, between two samples there are {_ms(pace.pause_ns)}, and with a sample of"
-                f" {_ms(pace.sample_ns)} that makes a gap of {_ms(needs_ns)}, where {_ms(pace.gap_ns)} are allowed:"
+                f" with a quarter to spare, between two samples there are {_ms(pace.pause_ns)}, and {sample}"
+                f" that makes a gap of {_ms(needs_ns)}, where {_ms(pace.gap_ns)} are allowed:"
                 " lower the rate, shorten the recording, allow a longer gap or a longer maximum age"
             )
     allowed_ns = min((each.allowed_ns for each in inside), default=_NO_GAP)
@@ -115,25 +157,35 @@ class Share:
     Args:
         pace: how it samples.
         start_ns: when the first sample is due.
-        monitors: all of them.
+        monitors: those that its rows do not feed.
+
+    Attributes:
+        pace: as given, and from the first sample on with the time that one takes, if that was not known.
+        known: whether it was.
     """
 
     def __init__(self, pace: Pace, start_ns: int, monitors: Sequence[Monitor]) -> None:
         self.pace = pace
-        self._start_ns = start_ns
-        self._next = 0
-        self._last_ns = start_ns
-        self._end_ns = start_ns + pace.lasts_ns
+        self.known = True
         self._monitors = monitors
+        self.restart(start_ns)
 
     @property
     def lead_ns(self) -> int:
         """How much sooner than it has to be a reading is taken, so that all of them find a place."""
         return self.pace.busy_ns([each.room_ns for each in self._monitors]) if self.pace.pause_ns > 0 else 0
 
-    def sampled(self, index: int, now_ns: int) -> None:
-        """Note that a sample has been taken."""
-        self._next, self._last_ns = index + 1, now_ns
+    def restart(self, start_ns: int) -> None:
+        """Count from a first sample that is due at this instant."""
+        self._start_ns = self._last_ns = start_ns
+        self._next = 0
+        self._end_ns = start_ns + self.pace.lasts_ns
+
+    def sampled(self, index: int, began_ns: int, ended_ns: int) -> None:
+        """Note that a sample has been taken; the first one after `restart` has the index 0."""
+        self._next, self._last_ns = index + 1, ended_ns
+        if not self.known:
+            self.pace, self.known = replace(self.pace, sample_ns=ended_ns - began_ns), True
 
     def before(self, monitor: Monitor) -> bool:
         """Return whether a limit is to be read before the first sample: between two it would find no room in time."""
@@ -156,7 +208,10 @@ class Share:
         then_ns = now_ns + monitor.room_ns
         if self.pace.gap_ns is not None and then_ns + self.pace.sample_ns - self._last_ns > self.pace.gap_ns:
             return False
-        behind = self.pace.behind(then_ns - self._start_ns - self._next * self.pace.period_ns)
+        late_ns = then_ns - self._start_ns - self._next * self.pace.period_ns
+        if self.pace.skips:
+            return late_ns + self.pace.sample_ns < self.pace.period_ns
+        behind = self.pace.behind(late_ns)
         return self.pace.count is None or self._next + behind < self.pace.count
 
 
@@ -171,6 +226,11 @@ class Bus:
         self.shares: list[Share] = []
         self._uses: deque[tuple[int, int, str]] = deque(maxlen=_REMEMBERED)
         self._lasts_ns: dict[str, tuple[int, int]] = {}
+
+    def leave(self, share: Share) -> None:
+        """Share no more with a recording that has ended; it may be told again."""
+        if share in self.shares:
+            self.shares.remove(share)
 
     def note(self, what: str, began_ns: int, ended_ns: int) -> None:
         """Note what took time."""
@@ -192,7 +252,7 @@ class Bus:
     def proven_ns(self, source: str) -> int:
         """Return the same where enough samples were seen to refuse a recording for it, else 0."""
         lasts_ns, seen = self._lasts_ns.get(source, (0, 0))
-        return lasts_ns if seen >= _ENOUGH else 0
+        return lasts_ns if seen >= ENOUGH else 0
 
     def sampled(self, source: str, lasted_ns: int) -> None:
         """Note how long a sample of these roles took."""
@@ -221,14 +281,16 @@ class Course:
     """How the sampling of a recording went: how long samples took, and what came between them.
 
     Args:
-        bus: knows what else used it.
+        bus: knows what else used it, and is told how long samples take.
+        source: the roles that are sampled.
         period_ns: from sample to sample.
         otherwise: what it was if nothing of that did.
         skips: whether a sample that cannot be taken in time is left out, and not taken late.
     """
 
-    def __init__(self, bus: Bus, period_ns: int, otherwise: str, *, skips: bool = False) -> None:
+    def __init__(self, bus: Bus, source: str, period_ns: int, otherwise: str, *, skips: bool = False) -> None:
         self._bus = bus
+        self._source = source
         self._period_ns = period_ns
         self._otherwise = otherwise
         self._skips = skips
@@ -244,9 +306,14 @@ class Course:
         if late_ns > self._worst[0]:
             cause = self._bus.between(before_ns, began_ns) or self._otherwise
             self._worst = late_ns, f"{cause} delayed sample {index + 1} by {_ms(late_ns)}"
+        self._bus.sampled(self._source, ended_ns - began_ns)
         self._lasted_ns.append(ended_ns - began_ns)
         self._longest = max(self._longest, (ended_ns - began_ns, -index))
         self._ended_ns = ended_ns
+
+    def begin_again(self, now_ns: int) -> None:
+        """Count from now: the run was stopped, and that disturbed nothing that is judged."""
+        self._ended_ns = now_ns
 
     def undisturbed_ns(self, *, own: bool) -> int:
         """Return the time from sample to sample without what came between, and without single ones that took long.

@@ -46,11 +46,14 @@ class Timeline(Protocol):
         rows_wait: whether rows of streams wait as long as the limits that they feed allow.
         rows_together: whether rows that may wait are fetched where limits take their turns.
         shared: whether recordings share the bus by plan, and what disturbed one is not held against the article.
+        all_share: whether those beside a case do, too, rows of sampled roles feed limits, and the first arming looks
+            whether there is room.
     """
 
     rows_wait: bool
     rows_together: bool
     shared: bool
+    all_share: bool
 
     @property
     def retraces(self) -> bool:
@@ -118,7 +121,7 @@ class OnBench:
         machine: the machine that drives it.
     """
 
-    rows_wait = rows_together = shared = True
+    rows_wait = rows_together = shared = all_share = True
 
     def __init__(self, bench: BoundBench, machine: Machine) -> None:
         self._bench = bench
@@ -266,6 +269,7 @@ class OnRecord:
         self.rows_wait = playback.rows_wait
         self.rows_together = not playback.in_parts
         self.shared = playback.shared
+        self.all_share = playback.all_share
 
     @property
     def retraces(self) -> bool:
