@@ -189,7 +189,7 @@ WRAPPED = {
 
 @pytest.mark.system
 @pytest.mark.alone
-@pytest.mark.timeout(150)
+@pytest.mark.timeout(300)
 def test_a_wrapped_supply_is_run_replayed_and_made_safe(tmp_path, monkeypatch):
     """Calls stand in the place of bytes; the guardian acts after kill -9; a replay needs no code of the vendor."""
     package, file, root = written(tmp_path / "acme"), tmp_path / "instrument.json", tmp_path / "own"
