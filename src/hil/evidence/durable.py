@@ -5,18 +5,24 @@ from __future__ import annotations
 import errno
 import hashlib
 import os
+import signal
 import stat
+import threading
+from collections.abc import Callable
+from functools import partial
 from io import BufferedReader
 from pathlib import Path
 
 __all__ = [
     "DISK_FULL",
     "PART",
+    "audibly",
     "open_plain",
     "read_plain",
     "sha256_of",
     "sync_file",
     "sync_folder",
+    "sync_open",
     "write_whole",
 ]
 
@@ -33,9 +39,49 @@ def write_whole(path: Path, data: bytes) -> None:
     with part.open("wb") as stream:
         stream.write(data)
         stream.flush()
-        os.fsync(stream.fileno())
+        sync_open(stream.fileno())
     part.replace(path)
     sync_folder(path.parent)
+
+
+def audibly(work: Callable[[], object]) -> None:
+    """Do what may wait for a disk, and hear signals meanwhile if an alarm rings: the heartbeat of a run is one.
+
+    A call of the system that waits for a disk is not interrupted, so it waits in a thread of its own, and the main
+    thread, in which signals are heard, waits for that.
+
+    Raises:
+        Exception: what the work raises.
+    """
+    if not _alarm_rings() or threading.current_thread() is not threading.main_thread():
+        work()
+        return
+    failed: list[Exception] = []
+
+    def alone() -> None:
+        try:
+            work()
+        except Exception as error:  # noqa: BLE001 - raised again below
+            failed.append(error)
+
+    thread = threading.Thread(target=alone, name="disk", daemon=True)
+    thread.start()
+    thread.join()
+    if failed:
+        raise failed[0]
+
+
+def _alarm_rings() -> bool:
+    return hasattr(signal, "getitimer") and signal.getitimer(signal.ITIMER_REAL)[0] > 0
+
+
+def sync_open(descriptor: int) -> None:
+    """Bring an open file to the disk; see `audibly`.
+
+    Raises:
+        OSError: as `os.fsync`.
+    """
+    audibly(partial(os.fsync, descriptor))
 
 
 def sync_file(path: Path) -> None:
@@ -91,6 +137,6 @@ def sha256_of(path: Path) -> str:
 def _sync(path: Path, flags: int) -> None:
     descriptor = os.open(path, flags)
     try:
-        os.fsync(descriptor)
+        sync_open(descriptor)
     finally:
         os.close(descriptor)

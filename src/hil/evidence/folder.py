@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from hil.clock import wall
-from hil.evidence.durable import DISK_FULL, sync_folder
+from hil.evidence.durable import DISK_FULL, sync_folder, sync_open
 from hil.model.errors import EvidenceError, Refused
 
 __all__ = [
@@ -218,4 +218,4 @@ def _reserve(path: Path) -> None:
                 raise
             stream.write(bytes(_RESERVED_BYTES))
         stream.flush()
-        os.fsync(stream.fileno())
+        sync_open(stream.fileno())

@@ -11,7 +11,7 @@ from types import TracebackType
 from typing import Self
 
 from hil.clock import wall
-from hil.evidence.durable import DISK_FULL, sync_folder
+from hil.evidence.durable import DISK_FULL, sync_folder, sync_open
 from hil.evidence.events import NOTHING, Anomaly, CaseEnd, Event, Results
 from hil.evidence.events.codec import encode, quick_canonical, stamped
 from hil.evidence.folder import free_reserve
@@ -34,7 +34,7 @@ class Journal:
         reserve: a file whose space is released when the disk is full.
         stamp: where wall time comes from.
         write: `os.write`, or what stands in for a disk in tests.
-        sync: `os.fsync`, or the same.
+        sync: brings an open file to the disk.
         now: seconds on a wall clock that only goes forward.
         supervisor: what the process that supervises the run stamped last.
 
@@ -49,7 +49,7 @@ class Journal:
         reserve: Path | None = None,
         stamp: Callable[[], wall.WallStamp] = wall.stamp,
         write: Callable[[int, memoryview], int] = os.write,
-        sync: Callable[[int], None] = os.fsync,
+        sync: Callable[[int], None] = sync_open,
         now: Callable[[], float] = wall.monotonic,
         supervisor: Callable[[], wall.WallStamp | None] = wall.supervisor_stamp,
     ) -> None:

@@ -13,7 +13,7 @@ from typing import TypeVar
 
 from hil.clock import wall
 from hil.documents.canonical import JsonError, parse_strict
-from hil.evidence.durable import read_plain, sync_folder, write_whole
+from hil.evidence.durable import read_plain, sync_folder, sync_open, write_whole
 from hil.evidence.ledger.entries import (
     FORMAT,
     ZERO,
@@ -318,7 +318,7 @@ def _put(descriptor: int, data: bytes) -> None:
     try:
         while rest:
             rest = rest[os.write(descriptor, rest) :]
-        os.fsync(descriptor)
+        sync_open(descriptor)
     except OSError:
         with suppress(OSError):
             os.ftruncate(descriptor, size)

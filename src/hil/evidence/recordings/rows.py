@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 from hil.clock import wall
 from hil.documents.canonical import canonical
-from hil.evidence.durable import DISK_FULL, sync_folder
+from hil.evidence.durable import DISK_FULL, sync_folder, sync_open
 from hil.evidence.folder import free_reserve
 from hil.evidence.recordings.row_file import BLOCK, NUMBER, RowsFile, header_line, read_rows, row_blocks
 from hil.model.errors import Diverged, EvidenceError
@@ -180,7 +180,7 @@ class Rows:
         self._unsynced = True
         if not continued:
             self._put(header)
-            os.fsync(self._descriptor)
+            sync_open(self._descriptor)
             sync_folder(self._path.parent)
 
     def _is_torn(self, header: bytes) -> bool:
@@ -279,7 +279,7 @@ class Rows:
 
     def _sync(self, now: float) -> None:
         try:
-            os.fsync(self._descriptor)
+            sync_open(self._descriptor)
         except OSError as error:
             raise self._failed(error) from error
         self._unsynced = False

@@ -5,6 +5,7 @@ from __future__ import annotations
 import select
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
+from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import Protocol
@@ -16,6 +17,7 @@ from hil.bench.port_identity import port_gates, source_gates
 from hil.clock import wall
 from hil.clock.live import LiveClock
 from hil.evidence import events
+from hil.evidence.durable import audibly
 from hil.evidence.safed import guardian_lines
 from hil.executive.ending.signals import LOOK_S
 from hil.executive.ending.stop import StopFlags
@@ -176,7 +178,7 @@ class Guarding:
         if self._latch is not None and now - self._latched >= _RENEWED_S:
             self._latched = now
             with suppress(OSError, HilError):  # the bench is no less guarded; the next renewal may succeed
-                keep_latched(self._leases, self._latch, alone=self._alone)
+                audibly(partial(keep_latched, self._leases, self._latch, alone=self._alone))
 
     def end(self, *, proven: bool) -> list[str]:
         """Let the guardian check every output itself, and go; return what it does not find safe.
