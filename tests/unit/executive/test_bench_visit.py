@@ -9,8 +9,9 @@ import time
 import pytest
 from workspaces import make
 
+from hil.bench.lease import Lease
 from hil.bench.live import Reach
-from hil.bench.safe_off import make_safe
+from hil.bench.safe_off import SafeResult, make_safe
 from hil.cli.commands.bench import command
 from hil.clock.live import LiveClock
 from hil.executive import bench_visit
@@ -207,6 +208,37 @@ def test_safe_drives_no_other_instrument_that_answers_on_the_network(tmp_path, m
         other = "another instrument answers at the port of psu1: expected serial 'MY00000000', found 'MY59002391'"
         assert results[0].detail == f"not driven: {other}"
     assert driven == [each.output for each in results if each.ok]
+
+
+@pytest.mark.parametrize(("held", "ok"), [(True, True), (False, False)])
+@pytest.mark.usefixtures("bench")
+def test_a_line_whose_replies_the_holder_of_the_bench_took_is_taken_again(tmp_path, monkeypatch, held, ok):
+    """A guardian that keeps trying asks on the same lines; nothing is repeated where nobody else can be."""
+    takes = []
+
+    def made_safe(steps, *given, **more):
+        takes.append(steps[0].output)
+        if takes.count("supply.coil") < 3 and steps[0].output == "supply.coil":
+            given[2](SafeResult("supply.coil", "off", ok=False, detail="psu1: no reply", seconds=0.5))
+            return False
+        return make_safe(steps, *given, **more)
+
+    def leased(_, by_force):
+        if held:
+            by_force("psu1 is held by a run")
+        return Lease((), "hil bench")
+
+    monkeypatch.setattr(bench_visit, "make_safe", made_safe)
+    monkeypatch.setattr(bench_visit, "_leased", leased)
+    told = []
+    results = safe_bench(tmp_path / "workspace", "adcs", Source.SIMULATED, tell=told.append)
+    assert [(each.output, each.ok) for each in results] == [
+        ("supply.coil", ok),
+        ("relays", True),
+        ("supply.sensor", True),
+    ]
+    assert takes == ["supply.coil", "relays", "supply.sensor", *(["supply.coil"] * 2 if held else [])]
+    assert told == (["psu1 is held by a run"] if held else [])
 
 
 @pytest.mark.parametrize(
