@@ -9,7 +9,9 @@ from types import SimpleNamespace
 import pytest
 from case_parts import Case, Watch, Written
 
+from hil.bench.gate import Gate
 from hil.clock.live import LiveClock
+from hil.clock.virtual import VirtualClock
 from hil.evidence.events import Failed
 from hil.executive.ending.stop import StopFlags, Stopped
 from hil.executive.watching.keeper import BenchKeeper
@@ -226,6 +228,24 @@ def test_all_is_switched_off_before_anything_is_proven():
     flags.request("SIGINT")
     keeper.rest()
     assert order[4:] == ["switched off", "proven"]
+
+
+@pytest.mark.parametrize(("holds", "unsafe"), [(False, False), (True, True)])
+def test_a_refused_arming_whose_safe_off_is_late_ends_safe(monkeypatch, holds, unsafe):
+    """What was proven after its time is proven; on a bench that was armed its line has to hold."""
+    keeper, _, written = kept(NoMachine())
+    armed, clock = keeper._armed, VirtualClock()
+    monkeypatch.setattr(keeper._bench, "clock", clock)
+    keeper._bench.roles["supply.coil"] = SimpleNamespace(disable=lambda: clock.sleep(1.5))
+    gate = Gate("reduced level of supply.coil", ok=holds, detail="0.3 A")
+    monkeypatch.setattr(armed, "_gates", lambda *_: iter([(gate, False, True)]))
+    armed.touched = True
+    armed.arm(-1, None, lambda *_: None)
+    keeper.safe()
+    (line,) = written.of("safe")
+    assert (line["ok"], line["detail"]) == (False, "reached after 1.5 s, 1 s allowed")
+    assert [event["ok"] for event in written.of("safe-end")] == [not unsafe]
+    assert keeper.unsafe is unsafe
 
 
 @pytest.mark.parametrize(("dut", "what"), [(False, "port"), (True, "")])

@@ -77,6 +77,7 @@ class ArmedBench:
         self._flags = flags
         self._machine = machine
         self.touched = self.unsafe = False
+        self._refused = False
         self._lost: Distress | None = None
 
     def arm(self, arming: int, course: Course, passed: Passed) -> str:
@@ -87,7 +88,7 @@ class ArmedBench:
             course: how time passes.
             passed: called with every gate.
         """
-        refusal = ""
+        refusal, self._refused = "", True
         with self._bench.brake.applied(self._why_not):
             for gate, of_host, is_new in self._gates(arming, course):
                 told = gate
@@ -102,6 +103,7 @@ class ArmedBench:
             if self._lost and not self._flags.reason and told.name != _LOOKED_AFTER:
                 passed(_unattended(self._lost), False)
                 refusal = f"{_LOOKED_AFTER}: {self._lost.text}"
+        self._refused = bool(refusal)
         return refusal
 
     def _why_not(self) -> object:
@@ -146,9 +148,13 @@ class ArmedBench:
                 self._machine.switch_off()
 
     def make_safe(self, tell: Callable[[SafeResult], None]) -> list[str]:
-        """Take every line of the safe-off, whatever is asked meanwhile; return what is not proven safe."""
+        """Take every line of the safe-off, whatever is asked meanwhile; return what is not proven safe.
+
+        A line that was proven after its time is not what it has to be on a bench that was armed. Where the arming was
+        refused it is told, and its output is safe: a bench too slow for its lines is one reason to refuse it.
+        """
         with self._flags.shielded():
-            problems = left_on(self._bench.spec.safe_off, self._bench, tell)
+            problems = left_on(self._bench.spec.safe_off, self._bench, tell, forgive_late=self._refused)
         self.unsafe = bool(problems)
         return problems
 
