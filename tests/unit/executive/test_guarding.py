@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import signal
+import time
 from types import SimpleNamespace
 
 import pytest
@@ -148,3 +150,33 @@ def test_all_is_switched_off_with_what_the_guardian_would_send(tmp_path, monkeyp
 
     monkeypatch.setattr(guarding, "plan_of", refused)
     guard.switch_off()
+
+
+def test_a_disk_that_is_slow_to_take_the_latch_does_not_silence_the_run(tmp_path, monkeypatch):
+    """The guardian watches by then, and would end an arming that is silent for a second."""
+    guardian, clock = Watchful(), SimpleNamespace(pulse=lambda: None, boot_s_of=float)
+    spec = SimpleNamespace(head=BenchHead(name="battery", title="Cells"), safe_off=(), rest=(), hold=(), wiring=())
+    plan = SimpleNamespace(bench="battery", names=(), hang_s=1.0)
+    monkeypatch.setattr(guarding, "plan_of", lambda *_: plan)
+    monkeypatch.setattr(guarding.Guardian, "start", lambda *_: guardian)
+    heard: list[int] = []
+
+    def slow(*_, **__):
+        blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGALRM})  # as the kernel does for a disk
+        before = guardian.told.count("beat")
+        time.sleep(0.3)
+        heard.append(guardian.told.count("beat") - before)
+        signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
+
+    monkeypatch.setattr(guarding, "latch_bench", slow)
+    bench = SimpleNamespace(spec=spec, descriptors={})
+    guard = Guarding(bench, clock, StopFlags(), folder=tmp_path, leases=["psu1"], locks=[])
+    guard.pulse()
+    before = signal.signal(signal.SIGALRM, lambda *_: guard.between())
+    signal.setitimer(signal.ITIMER_REAL, 0.02, 0.02)
+    try:
+        assert all(gate.ok for gate in guard.begin(SimpleNamespace(fresh_until_ns=None)))
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+    assert heard[0] >= 1

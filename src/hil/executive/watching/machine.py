@@ -113,7 +113,7 @@ class Guarding:
             self._guardian.watch()
             self._watching, self._clock.pulse = True, self.pulse  # from here on it acts on silence
             self._latch = self._armed(plan)
-            latch_bench(self._leases, self._latch, alone=self._alone)
+            audibly(partial(latch_bench, self._leases, self._latch, alone=self._alone))
         except (HilError, OSError) as error:
             yield Gate("guardian", ok=False, detail=str(error))
             return
