@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import os
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from hil.bench.bound import BoundBench, build, publish_recorded, url_of
 from hil.bench.connections import server_of
+from hil.bench.gate import Gate
 from hil.bench.port_identity import WrongPort, is_serial_device, port_gates
 from hil.bench.serving import ends_of
 from hil.clock.live import LiveClock
@@ -206,14 +208,28 @@ def _stream(item: InstrumentSpec, url: str, source: Source, line: SerialLine | N
 
 
 def require_boards(spec: BenchSpec, reach: Reach) -> None:
-    """Require the board of the bench file at every serial port of hardware; nothing is opened.
+    """Require the board of the bench file at every serial port of hardware, and every I2C bus; no byte is sent.
 
     Raises:
-        WrongPort: with every port that is not there, or is that of another board.
+        WrongPort: with every port that is not there, or is that of another board, and every bus that cannot be opened.
     """
-    strangers = _strangers(spec) if reach.source is Source.HARDWARE else {}
-    if strangers:
-        raise WrongPort(*(gate for error in strangers.values() for gate in error.gates))
+    if reach.source is not Source.HARDWARE:
+        return
+    gates = [gate for error in _strangers(spec).values() for gate in error.gates] + list(_closed_buses(reach))
+    if gates:
+        raise WrongPort(*gates)
+
+
+def _closed_buses(reach: Reach) -> Iterator[Gate]:
+    """Yield a gate for every bus that cannot be opened; opening one moves no line of it."""
+    from hil.wire.obstacles import obstacle  # noqa: PLC0415 - groups of users exist on Linux only
+
+    for name, path in reach.buses.items():
+        try:
+            os.close(os.open(path, os.O_RDWR | os.O_CLOEXEC))
+        except OSError as error:
+            why, hint = obstacle(path, error)
+            yield Gate(f"bus {name}", ok=False, detail=f"{path} cannot be opened: {why} ({hint})")
 
 
 def _strangers(spec: BenchSpec) -> dict[str, WrongPort]:

@@ -11,10 +11,11 @@ from unittest.mock import Mock
 import pytest
 
 from hil.bench.file.reading import load_bench
-from hil.bench.live import bind_live, reach_of_hardware
+from hil.bench.live import Reach, bind_live, reach_of_hardware, require_boards
 from hil.bench.port_identity import WrongPort, port_gates
 from hil.model.bench import UsbPort
 from hil.model.errors import NoReply, Refused
+from hil.model.identity import Source
 from hil.wire.live_stream import LiveStream
 from hil.wire.transcript import Transcript
 
@@ -129,3 +130,15 @@ def test_a_stream_of_another_scheme_is_never_opened(tmp_path, url):
     with pytest.raises(Refused, match="is never opened"):
         LiveStream("psu1", url.format(written))
     assert not written.exists()
+
+
+def test_a_bus_that_is_not_there_is_told_before_anything_is_opened(tmp_path):
+    """There is no folder of a run then; a device file that is there is opened and closed, and nothing is sent."""
+    there = tmp_path / "i2c-1"
+    there.touch()
+    reach = Reach(source=Source.HARDWARE, ports={}, buses={"flight": str(there), "jig": "/dev/i2c-99"})
+    with pytest.raises(WrongPort) as told:
+        require_boards(replace(SPEC, instruments=()), reach)
+    assert [gate.name for gate in told.value.gates] == ["bus jig"]
+    assert "/dev/i2c-99 cannot be opened: " in str(told.value)
+    require_boards(replace(SPEC, instruments=()), replace(reach, buses={"flight": str(there)}))
