@@ -192,3 +192,12 @@ def test_a_slope_needs_three_moments_and_has_an_interval():
     assert found.low + found.high == pytest.approx(3.0)
     assert spread([1.0, 2.0, 4.0])[1:] == pytest.approx((7 / 3, (7 / 3) ** 0.5))
     assert spread([5.0]) == (1, 5.0, None)
+
+
+@pytest.mark.system
+def test_one_moment_is_drawn_over_one_day():
+    """A date axis with a single date on it would be four years long."""
+    from hil.cli.analyses.plots import _trend  # noqa: PLC0415 - the drawing library takes long to load
+
+    (first, last) = _trend("rate_error", trends([at(1, 1.5)])).axes[0].get_xlim()
+    assert last - first == pytest.approx(1.0)

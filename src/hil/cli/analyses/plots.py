@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
-from matplotlib.dates import ConciseDateFormatter
+from matplotlib.dates import ConciseDateFormatter, date2num
 from matplotlib.figure import Figure
 
 from hil.analysis.battery.half_cycle import flow
@@ -125,7 +125,8 @@ def _trend(parameter: str, drawn: Sequence[Trend]) -> Figure:
         axes.grid(visible=True, color="#dddddd", linewidth=0.5)
     moments = {moment_of(point.run.began) for each in drawn for point in each.points if _is_placed(point)}
     if len(moments) == 1:  # an axis of one moment would be years long
-        axes.margins(x=1e-4)
+        only = date2num(moments.pop())
+        axes.set_xlim(only - 0.5, only + 0.5)
     axes.xaxis.set_major_formatter(ConciseDateFormatter(axes.xaxis.get_major_locator()))
     axes.set_xlabel("beginning of the run, UTC")
     return figure
