@@ -52,7 +52,7 @@ def as_csv(document: Document) -> bytes:
     for each in document.exceptions:
         told = f"EXCEPTION: {each.package}: {each.instrument}: {each.reason}"
         exceptions.setdefault(each.package, []).append(told)
-    lines.writerows([guarded(cell) for cell in _cells(row, exceptions)] for row in document.rows)
+    lines.writerows(map(guarded, _cells(row, exceptions)) for row in document.rows)
     return written.getvalue().encode()
 
 

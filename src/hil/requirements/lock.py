@@ -12,6 +12,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
+from functools import lru_cache
 from pathlib import Path
 from typing import Literal
 
@@ -23,13 +24,15 @@ from hil.documents.text import is_there, read_bytes
 from hil.model.notation import Path as Keys
 from hil.requirements.requirement import Requirement
 
-__all__ = ["LOCK", "Change", "ChangeKind", "Locked", "changes", "check_lock", "lock_text", "read_lock"]
+__all__ = ["LOCK", "Change", "ChangeKind", "Locked", "changes", "check_lock", "lock_text", "locked_revs", "read_lock"]
 
 LOCK = "requirements.lock.json"
 """The file of a plan's lock, in its folder."""
 
 _FORMAT = 1
 _SHORT = 60
+_KEPT = 64
+"""How many contents of files are remembered."""
 _NONE = "nothing"
 _TAKE_BACK = "restore it from version control"  # the command refuses it, too: it would lose its contents
 _RELOCK = "and the next `hil requirements lock` writes them"
@@ -80,7 +83,7 @@ def read_lock(plan: Path, shown: str, findings: Findings) -> dict[str, Locked] |
     if not is_there(file) or (data := read_bytes(file, named, findings)) is None:
         return None
     try:
-        parse_strict(data)
+        locked_revs(data)
         locked = read_json(data, _Lock).requirements
     except JsonError as error:
         place = Place(path=named, line=error.line, column=error.column)
@@ -97,6 +100,19 @@ def read_lock(plan: Path, shown: str, findings: Findings) -> dict[str, Locked] |
     place = _place(data.decode(), named, wrong[0])
     findings.add(place, f"is not a lock of format {_FORMAT} as it was written; {_TAKE_BACK}")
     return None
+
+
+@lru_cache(maxsize=_KEPT)
+def locked_revs(data: bytes) -> dict[str, tuple[object, object]]:
+    """Return fingerprint and revision of every requirement in a lock; runs of one plan have the same file.
+
+    Raises:
+        JsonError: for what is not strict JSON.
+    """
+    content = parse_strict(data)
+    locked = content.get("requirements") if isinstance(content, dict) else None
+    each = locked.items() if isinstance(locked, dict) else ()
+    return {name: (told.get("fingerprint"), told.get("rev")) for name, told in each if isinstance(told, dict)}
 
 
 def _place(text: str, named: str, keys: Keys) -> Place:

@@ -213,5 +213,7 @@ def _names(read: _Read, at: Path, what: str, names: Sequence[str]) -> _Wrong:
 
 def _once(at: Path, what: str, names: Iterable[str]) -> _Wrong:
     listed = list(names)
+    if len(listed) == len({*listed}):
+        return
     for name in dict.fromkeys(name for name in listed if name and listed.count(name) > 1):
         yield at, f"duplicate {what} '{name}'"

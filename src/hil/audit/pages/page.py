@@ -13,7 +13,7 @@ from functools import cache
 from itertools import groupby
 from pathlib import Path
 
-from hil.audit.document import CloseOut, Code, Compliance, Document, Evidence, Gap, GapKind, OnHardware, Reason, Row
+from hil.audit.document import CloseOut, Code, Compliance, Document, Gap, GapKind, OnHardware, Reason, Row
 from hil.audit.pages.markup import anchor, escaped, link, plain, quoted
 from hil.audit.pages.overview import TONES, overview
 
@@ -111,6 +111,9 @@ class _Rows:
         self._known = {row.id for row in rows}
         self._reports = reports
         self._packages: dict[str, str] = {}
+        self._name = cache(self._link)
+        self._reference = cache(self._evidence)
+        self._escaped = cache(escaped)
 
     def row(self, row: Row) -> str:
         """Return one requirement with the ten columns of a verification control document."""
@@ -133,25 +136,28 @@ class _Rows:
         source = f'<span class="soft">{escaped(row.source)}</span>' if row.source else ""
         return (f"<ul>{''.join(parts)}</ul>{source}" if parts else source) or _MISSING
 
-    def _name(self, name: str) -> str:
+    def _link(self, name: str) -> str:
         return link(name) if name in self._known else escaped(name)
 
     def _references(self, row: Row) -> str:
         if not row.evidence:
             return _MISSING
-        return f"<ul>{''.join(self._reference(each, row) for each in row.evidence)}</ul>"
-
-    def _reference(self, each: Evidence, row: Row) -> str:
-        tone = "good" if each.verdict in _GOOD else "bad" if each.verdict == "FAIL" else "open"
-        source = f' <b class="open">{escaped(each.source.upper())}</b>' if each.source != "hardware" else ""
-        counts = " · <b class='good'>closes it</b>" if each.closes and each.package == row.closed_by else ""
-        unit = f" · {escaped(each.dut)}" if each.dut else ""
-        if each.exceptions:
-            source += f' <b class="bad">EXCEPTION: {escaped(", ".join(each.exceptions))}</b>'
-        return (
-            f'<li><b class="{tone}">{escaped(each.verdict)}</b> {escaped(each.date[:10])}{unit}{source}{counts}<br>'
-            f"{self._package(each.package)}</li>"
+        told = (
+            self._reference(each.verdict, each.date[:10], each.source, each.dut, each.exceptions)
+            + (_CLOSES if each.closes and each.package == row.closed_by else "")
+            + f"<br>{self._package(each.package)}</li>"
+            for each in row.evidence
         )
+        return f"<ul>{''.join(told)}</ul>"
+
+    @staticmethod
+    def _evidence(verdict: str, day: str, source: str, dut: str, exceptions: tuple[str, ...]) -> str:
+        tone = "good" if verdict in _GOOD else "bad" if verdict == "FAIL" else "open"
+        where = f' <b class="open">{escaped(source.upper())}</b>' if source != "hardware" else ""
+        unit = f" · {escaped(dut)}" if dut else ""
+        if exceptions:
+            where += f' <b class="bad">EXCEPTION: {escaped(", ".join(exceptions))}</b>'
+        return f'<li><b class="{tone}">{escaped(verdict)}</b> {escaped(day)}{unit}{where}'
 
     def _reasons(self, row: Row) -> str:
         if not row.reasons:
@@ -169,7 +175,7 @@ class _Rows:
         return f"<ul>{''.join(lines)}</ul>{_records(row)}{_on_hardware(row.on_hardware)}"
 
     def _told(self, reason: Reason) -> str:
-        told = escaped(reason.text)
+        told = self._escaped(reason.text)
         if reason.origin and reason.text.startswith(f"{reason.origin} "):
             told = f"{self._name(reason.origin)}{escaped(reason.text.removeprefix(reason.origin))}"
         elif reason.origin:
@@ -184,6 +190,7 @@ class _Rows:
         return found
 
 
+_CLOSES = " · <b class='good'>closes it</b>"
 _IS_OPEN = " is open: "
 _MISSING = '<span class="missing">none</span>'
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import pairwise
 
 from hil.clock import wall
@@ -30,13 +30,14 @@ def clock_findings(lines: Sequence[JournalLine]) -> Iterator[Finding]:
 
     UTC may go back where an event says that the time of day was set, or where another process went on.
     """
-    for line in lines:
+    timed = [(line, _read(line.wall)) for line in lines]
+    for line, read in timed:
         if missing := [name for name, kind in _FIELDS.items() if not isinstance(line.wall.get(name), kind)]:
             yield Finding(JOURNAL, line.number, 1, f"its wall stamp has no {' and no '.join(missing)}")
-        elif _read(line.wall) is None:
+        elif read is None:
             yield Finding(JOURNAL, line.number, 1, "the UTC of its wall stamp is no moment")
     jumps = _jumps(lines)
-    for (before, was), (line, now) in _pairs(lines):
+    for (before, was), (line, now) in _pairs(timed):
         if before.wall["boot_id"] == line.wall["boot_id"] and now[1] < was[1]:
             yield Finding(
                 JOURNAL, line.number, 1, f"its time since boot is {was[1] - now[1]:g} s before the line before"
@@ -75,9 +76,11 @@ def _read(stamp: Mapping[str, object]) -> tuple[float, float] | None:
         return None
 
 
-def _pairs(lines: Sequence[JournalLine]) -> Iterator[tuple[_Timed, _Timed]]:
+def _pairs(
+    timed: Iterable[tuple[JournalLine, tuple[float, float] | None]],
+) -> Iterator[tuple[_Timed, _Timed]]:
     """Give each line and the next one with their UTC and time since boot in s, where both are whole."""
-    for (before, was), (line, now) in pairwise((line, _read(line.wall)) for line in lines):
+    for (before, was), (line, now) in pairwise(timed):
         if was is not None and now is not None:
             yield (before, was), (line, now)
 
@@ -93,7 +96,7 @@ def _explained(step: float, jumps: Sequence[float]) -> bool:
 def _steps(lines: Sequence[JournalLine]) -> Iterator[str]:
     """Give where UTC and the time since boot parted, and no event says so."""
     jumps = _jumps(lines)
-    for (before, was), (line, now) in _pairs(lines):
+    for (before, was), (line, now) in _pairs((line, _read(line.wall)) for line in lines):
         if before.wall["boot_id"] != line.wall["boot_id"]:
             continue
         step = (now[0] - now[1]) - (was[0] - was[1])

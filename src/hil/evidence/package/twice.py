@@ -34,7 +34,7 @@ from hil.model.bench import Calibration
 from hil.model.errors import EvidenceError, Finding
 from hil.registers.instruments import INSTRUMENTS, load_instruments
 from hil.registers.units import load_duts
-from hil.requirements.lock import LOCK
+from hil.requirements.lock import LOCK, locked_revs
 from hil.requirements.parameters import PARAMETERS as PARAMETERS_FILE
 from hil.requirements.parameters import Parameters, load_parameters
 from hil.requirements.schema import REQUIREMENTS, parse_requirements
@@ -211,21 +211,14 @@ def _lock(folder: Path, plan: str, frozen: Mapping[str, FrozenRequirement]) -> I
     path = f"{_PLANS}/{plan}/{LOCK}"
     if not (folder / path).exists():
         return
-    locked = _locked(read_plain(folder / path))
+    locked = locked_revs(read_plain(folder / path))
     for name, entry in frozen.items():
         told = locked.get(name, (None, None))
+        if told == (entry.fingerprint, entry.rev):
+            continue
         for field, was, value in zip(("fingerprint", "rev"), (entry.fingerprint, entry.rev), told, strict=True):
             if value != was:
                 yield _differs(CATALOGUE, f"{name}.{field}", was, shown(path), value)
-
-
-@lru_cache(maxsize=_KEPT)
-def _locked(data: bytes) -> dict[str, tuple[object, object]]:
-    """Return fingerprint and revision of every requirement in a lock; runs of one plan have the same file."""
-    content = parse_strict(data)
-    locked = content.get("requirements") if isinstance(content, dict) else None
-    each = locked.items() if isinstance(locked, dict) else ()
-    return {name: (told.get("fingerprint"), told.get("rev")) for name, told in each if isinstance(told, dict)}
 
 
 def _parameters(sources: Sources, run: Run) -> Iterator[Finding]:
