@@ -479,6 +479,163 @@ def ragged():
     return table(times(), noise()) + "40.00,0.1,7\n40.01,0.1\n"
 
 
+# Disturbances that last
+
+
+@kind("a knock of ten samples, twenty standard deviations high")
+def knock():
+    values = noise()
+    values[1300:1310] += 2.0
+    return table(times(), values)
+
+
+@kind("half of the record with three times the noise")
+def noise_triples():
+    values = noise()
+    values[2000:] = 0.05 + 3.0 * (values[2000:] - 0.05)
+    return table(times(), values)
+
+
+@kind("one reading in two hundred lost to zero, far from the mean")
+def zeros():
+    values = noise() + 5.0
+    values[::200] = 0.0
+    return table(times(), values)
+
+
+@kind("clipped at one standard deviation, counts of half of one")
+def clipped_counts():
+    return table(times(20000), np.rint(np.clip(noise(20000) - 0.05, -0.1, 0.1) / 0.05) * 0.05)
+
+
+# Gyroscope over temperature
+
+GYROSCOPE = ("gyroscope-temperature", "FILE", "--temperature", "T", "--means", "x", "--axes", "x", "--unit", "deg/s")
+SLOPE = 0.012  # deg/s/K
+
+
+def slope(document):
+    """Return the first coefficient of the bias."""
+    bias = document["calibration"]["axes"]["x"]["bias"]
+    if len(bias["coefficients"]) < 2:
+        return [{"value": 0.0, "uncertainty": 0.0, "status": "measured"}]
+    uncertainty = math.sqrt(bias["covariance"][1][1])
+    return [{"value": bias["coefficients"][1], "uncertainty": uncertainty, "status": "measured"}]
+
+
+def temperatures():
+    """Return temperatures in degC and the means at them."""
+    celsius = np.repeat([-15.0, 0.0, 10.0, 25.0, 43.0], 4)
+    return celsius, 0.3 + SLOPE * (celsius - 25.0) + 0.002 * np.random.default_rng(4).standard_normal(celsius.size)
+
+
+@kind("temperatures in degC, nothing ugly", (*GYROSCOPE, "--uncertainty", "0.002"), SLOPE, slope)
+def celsius():
+    return table(*temperatures(), head="T,x")
+
+
+@kind("temperatures in kelvin", (*GYROSCOPE, "--uncertainty", "0.002"), SLOPE, slope)
+def kelvin():
+    warm, means = temperatures()
+    return table(warm + 273.15, means, head="T,x")
+
+
+@kind("temperatures in counts", (*GYROSCOPE, "--uncertainty", "0.002"), SLOPE, slope)
+def counts():
+    warm, means = temperatures()
+    return table(np.rint(warm * 340 + 12420), means, head="T,x")
+
+
+@kind("an axis that never moves", (*GYROSCOPE, "--uncertainty", "0.002"), None, slope)
+def axis_still():
+    warm, means = temperatures()
+    return table(warm, np.full(means.size, 0.3), head="T,x")
+
+
+@kind("a mean that is NaN", (*GYROSCOPE, "--uncertainty", "0.002"), SLOPE, slope)
+def mean_nan():
+    warm, means = temperatures()
+    means[3] = np.nan
+    return table(warm, means, head="T,x")
+
+
+# Batteries
+
+BATTERY = (
+    *("battery", "FILE", "--time", "t", "--voltage", "U", "--current", "I", "--temperature", "T"),
+    *("--capacity", "1.0", "--upper", "4.2", "--lower", "3.0"),
+)
+AH = 1.0
+
+
+def capacity(document):
+    """Return the discharged charge of every cycle; its uncertainty is that of rounding and the edges."""
+    cycles = document["cycles"]
+    return [
+        {"value": each["discharge"]["charge"] if each["discharge"] else 0.0, "uncertainty": 2e-3, "status": "measured"}
+        for each in cycles
+    ] or [{"value": 0.0, "uncertainty": 0.0, "status": "measured"}]
+
+
+def cell():
+    """Return two cycles at 1 A, an hour each way and rests between: s, V, A, degC."""
+    parts = [(600, 0.0), (3600, 1.0), (600, 0.0), (3600, -1.0)] * 2 + [(600, 0.0)]
+    current = np.concatenate([np.full(int(seconds / 10), amps) for seconds, amps in parts])
+    time = 10.0 * np.arange(current.size)
+    full = np.cumsum(current) * 10.0 / 3600.0
+    voltage = 3.25 + 0.8 * full + 0.1 * current
+    return time, voltage, current, 25.0 + 0.5 * np.abs(current) + 0.01 * np.sin(time / 100.0)
+
+
+HEAD = "t,U,I,T"
+
+
+@kind("two cycles of a cell, nothing ugly", BATTERY, AH, capacity)
+def battery_even():
+    return table(*cell(), head=HEAD)
+
+
+@kind("a cell's times in hh:mm:ss", BATTERY, AH, capacity)
+def battery_clock():
+    time, *others = cell()
+    return table([_clock(each) for each in time], *others, head=HEAD)
+
+
+@kind("a cell's times in ms that wrap at 32 bits", (*BATTERY, "--time-unit", "ms"), AH, capacity)
+def battery_wraps():
+    time, *others = cell()
+    return table((time * 1e3 + 2**32 - 5_000_000) % 2**32, *others, form="%.12g", head=HEAD)
+
+
+@kind("a cell's times in hours, taken for seconds", BATTERY, AH, capacity)
+def battery_hours():
+    time, *others = cell()
+    return table(time / 3600, *others, form="%.12g", head=HEAD)
+
+
+@kind("a cell's current in mA", BATTERY, AH, capacity)
+def battery_milli():
+    time, voltage, current, warm = cell()
+    return table(time, voltage, current * 1e3, warm, head=HEAD)
+
+
+@kind("a cell's temperature in kelvin", BATTERY, AH, capacity)
+def battery_kelvin():
+    time, voltage, current, warm = cell()
+    return table(time, voltage, current, warm + 273.15, head=HEAD)
+
+
+@kind("a cell's time that runs back", BATTERY, AH, capacity)
+def battery_back():
+    time, *others = cell()
+    return table(np.where(time > 9000, time - 5000, time), *others, head=HEAD)
+
+
+@kind("a cell's log of two rows", BATTERY, None, capacity)
+def battery_two():
+    return f"{HEAD}\n0,3.5,1,25\n1,3.5,1,25\n"
+
+
 def page() -> str:
     """Return the page: a row for each kind, with what the command says."""
     lines = [

@@ -23,6 +23,7 @@ __all__ = [
     "numbers",
     "repeated",
     "resolved",
+    "rounding",
     "saturated",
     "spikes",
     "stuck",
@@ -81,12 +82,17 @@ _ROUNDING = 1e-9  # of the value: a channel that moves less than this does not m
 _LONGER = 3.0  # times the longest run that chance makes
 _FEWEST = 10  # equal samples that are never called stuck
 _MANY = 0.01  # share of repeated rows that is looked at
+_FEWEST_ROWS = 5  # repeated rows that are never called so
 _NEAR_FULL = 0.999  # of full scale
 _NAMED = 10  # samples that a gate names
 _ENOUGH = 20  # samples from which extremes and neighbours are judged
-_PILED = 5  # equal extreme samples that chance may make
+_PILED, _VISITS = 5, 3  # equal extreme samples, and times that the signal came there, from which it may be clipped
 _PILE = 2.0  # times what lies beside them
+_SURE = 4.0  # standard deviations of the counts
 _NEAR_END = 0.08  # of the distance between quartiles: a tenth of a standard deviation
+_WIDTHS = (1, 4, 16, 64)  # samples that are averaged: a knock shows where they are as many as it took
+_FINE = 0.6  # of a standard deviation: with a larger step the robust scatter is a step as well
+_TAIL, _BEYOND_TAIL = 4.0, 6.3e-5  # standard deviations, and the share of white noise beyond them
 _BY_CHANCE = 1e-6  # records of white noise in which a spike is found
 _LOOKED_AT = 10_000  # samples that are looked at one by one
 _AROUND, _WIDEST = 8, 3  # samples on either side of a spike, and how many of them it may take
@@ -150,7 +156,7 @@ def repeated(channels: Mapping[str, _Array]) -> Gate:
     else:
         expected = _expected(np.diff(next(iter(channels.values()))))
     counted = f"{share:.1%} of the rows repeat the one before, where chance makes {expected:.1%}"
-    ok = not share > max(_MANY, 3.0 * expected)
+    ok = share <= max(_MANY, 3.0 * expected) or int(rows.sum()) < _FEWEST_ROWS
     return Gate(
         name=name, channel="", ok=ok, reason=counted, samples=() if ok else numbers(np.flatnonzero(rows)[:_NAMED] + 1)
     )
@@ -184,10 +190,26 @@ def _clipped(channel: str, values: _Array) -> Gate:
     width = float(quarters[1] - quarters[0]) * _NEAR_END
     step = _step(present) or 0.0
     for end in (float(present.max()), float(present.min())):
+        if step > width and _piled(present, end, step):
+            reason = f"more samples are at {end:.6g} than the levels below it let expect: clipped"
+            return Gate(
+                name="saturated",
+                channel=channel,
+                ok=False,
+                reason=reason,
+                samples=numbers(np.flatnonzero(values == end)),
+            )
         away = np.abs(present - end)
         at = int((away == 0.0).sum())
         beside = int((away <= max(width, 1.5 * step)).sum()) - at
-        if width > 0.0 and at >= _PILED and at > _PILE * (beside + math.sqrt(beside)) and at < 0.9 * present.size:
+        visits = int(np.count_nonzero(np.diff((away == 0.0).astype(np.int8)) == 1))
+        if (
+            width > 0.0
+            and at >= _PILED
+            and visits >= _VISITS
+            and at > _PILE * (beside + math.sqrt(beside))
+            and at < 0.9 * present.size
+        ):
             reason = f"{at} of {values.size} samples are at {end:.6g} and only {beside} near it: clipped"
             return Gate(
                 name="saturated",
@@ -199,38 +221,65 @@ def _clipped(channel: str, values: _Array) -> Gate:
     return unknown
 
 
-def spikes(channel: str, values: _Array) -> Gate:
-    """Trip where single samples stand out of noise by far more than chance explains.
+def _piled(present: _Array, end: float, step: float) -> bool:
+    """Tell whether the last level holds more than a tail of noise, which has n0 n2 <= n1^2 as Gauss' has."""
+    level = np.rint(np.abs(present - end) / step)
+    last, second, third = (int((level == place).sum()) for place in range(3))
+    if min(last, second, third) < _ENOUGH:
+        return False
+    spread = math.sqrt(1.0 / last + 4.0 / second + 1.0 / third)
+    return math.log(last * third / second**2) > _SURE * spread
 
-    A sample is held against the mean of its two neighbours; s is the robust scatter of these differences. White noise
-    passes the limit of about 7 s once in a million records. A sample whose wider neighbourhood is as restless is
-    motion, and no spike.
+
+def spikes(channel: str, values: _Array) -> Gate:
+    """Trip where samples stand out of noise by far more than chance explains: single ones, or a knock of up to 200,
+    in a long record.
+
+    Averages over 1, 4, 16 and 64 samples are held against the mean of their two neighbours; s is the robust scatter of
+    these differences. White noise passes the limit of about 7 s once in a million records. What stands in a
+    neighbourhood that is as restless is motion, and no spike. Many samples beyond 4 s trip as well: then the noise is
+    not one noise.
     """
     name = "spikes"
-    if values.size < _ENOUGH:
-        return Gate(name=name, channel=channel, ok=None, reason="too few samples to tell spikes from noise")
-    off = values[1:-1] - 0.5 * (values[:-2] + values[2:])
+    step = _step(values[np.isfinite(values)]) or 0.0
+    reason = ""
+    for width in _WIDTHS:
+        means = values[: values.size // width * width].reshape(-1, width).mean(axis=1) if width > 1 else values
+        if means.size < (_ENOUGH if width == 1 else 4 * _ENOUGH):
+            break
+        off = means[1:-1] - 0.5 * (means[:-2] + means[2:])
+        scatter = max(_robust(off), 0.5 * step / width)
+        if not scatter > 0.0:
+            continue
+        limit = math.sqrt(2.0 * math.log(means.size / _BY_CHANCE))
+        with np.errstate(invalid="ignore"):
+            far = np.flatnonzero(np.abs(off) > limit * scatter) + 1
+        alone = [place for place in far[:_LOOKED_AT].tolist() if _alone(means, place, limit * scatter)]
+        if alone:
+            found = np.array(alone, dtype=np.intp)
+            height = float(np.abs(off[found - 1]).max()) / scatter
+            one, more = ("sample", "samples") if width == 1 else (f"average over {width}", f"averages over {width}")
+            stand = f"1 {one} stands" if found.size == 1 else f"{found.size} {more} stand"
+            told = f"{stand} out of the noise by up to {height:.3g} standard deviations"
+            reason = f"{told}, the first is number {found[0] * width + 1}"
+            return Gate(name=name, channel=channel, ok=False, reason=reason, samples=numbers(found * width))
+        if width == 1 and step < _FINE * scatter:
+            tail = np.flatnonzero(np.abs(off) > _TAIL * scatter) + 1
+            expected = off.size * _BEYOND_TAIL
+            if tail.size > _FEWEST_ROWS + 10.0 * expected:
+                told = f"{tail.size} samples stand out by more than {_TAIL:g} standard deviations"
+                reason = f"{told}, where chance makes {expected:.1g}, the first is number {tail[0] + 1}"
+                return Gate(name=name, channel=channel, ok=False, reason=reason, samples=numbers(tail))
+        reason = reason or f"no sample stands out by {limit:.1f} standard deviations"
+    if not reason:
+        return Gate(name=name, channel=channel, ok=None, reason="there is too little noise to hold spikes against")
+    return Gate(name=name, channel=channel, ok=True, reason=reason)
+
+
+def _robust(off: _Array) -> float:
     looked = off[:: max(1, off.size // 100_000)]
     looked = looked[np.isfinite(looked)]
-    scatter = 1.4826 * float(np.median(np.abs(looked))) if looked.size else 0.0
-    scatter = max(scatter, 0.5 * (_step(values[np.isfinite(values)]) or 0.0))
-    if not scatter > 0.0:
-        return Gate(name=name, channel=channel, ok=None, reason="the channel shows no noise to hold spikes against")
-    limit = math.sqrt(2.0 * math.log(values.size / _BY_CHANCE))
-    with np.errstate(invalid="ignore"):
-        far = np.flatnonzero(np.abs(off) > limit * scatter) + 1
-    found = np.array(
-        [place for place in far[:_LOOKED_AT].tolist() if _alone(values, place, limit * scatter)], dtype=int
-    )
-    if not found.size:
-        return Gate(
-            name=name, channel=channel, ok=True, reason=f"no sample stands out by {limit:.1f} standard deviations"
-        )
-    height = float(np.abs(off[found - 1]).max()) / scatter
-    at_least = "at least " if far.size > _LOOKED_AT else ""
-    what = "1 sample stands" if found.size == 1 else f"{at_least}{found.size} samples stand"
-    reason = f"{what} out of the noise by up to {height:.3g} standard deviations, the first is number {found[0] + 1}"
-    return Gate(name=name, channel=channel, ok=False, reason=reason, samples=numbers(found))
+    return 1.4826 * float(np.median(np.abs(looked))) if looked.size else 0.0
 
 
 def _alone(values: _Array, place: int, limit: float) -> bool:
@@ -240,6 +289,20 @@ def _alone(values: _Array, place: int, limit: float) -> bool:
     away = np.abs(around - np.median(around))
     high = abs(float(values[place] - np.median(around)))
     return high > 0.7 * limit and int((away > high / 3.0).sum()) <= _WIDEST
+
+
+def rounding(values: _Array, facts: Facts) -> float:
+    """Return by which part white noise reads too large because readings are rounded to counts; 0 if they show none.
+
+    Rounding adds a variance of q^2 / 12 to that of the noise before it.
+    """
+    lsb = facts.lsb or _step(values[np.isfinite(values)])
+    steps = np.diff(values)
+    steps = steps[np.isfinite(steps)]
+    if lsb is None or not steps.size:
+        return 0.0
+    variance = float(np.square(steps).mean()) / 2.0 / lsb**2
+    return 1.0 / math.sqrt(1.0 - 1.0 / (12.0 * variance)) - 1.0 if variance > 1.0 / 6.0 else 0.0
 
 
 def alike(channels: Mapping[str, float]) -> Gate:
@@ -286,10 +349,11 @@ _COARSE = 2.0  # K between neighbours, rms over sqrt(2): no temperature jumps li
 _ZERO = 273.15
 
 
-def celsius(channel: str, values: NDArray[np.float64]) -> Gate:
+def celsius(channel: str, values: NDArray[np.float64], *, series: bool = True) -> Gate:
     """Trip where a temperature cannot be in degrees Celsius: raw counts, or kelvin.
 
-    Raw counts are whole numbers that lie where no part survives, or whose noise would be kelvins from sample to sample.
+    Raw counts are whole numbers that lie where no part survives, or whose noise would be kelvins from sample to sample;
+    the latter only if the values are a series, and not a table of set temperatures.
     """
     present = values[np.isfinite(values)]
     if not present.size:
@@ -298,9 +362,9 @@ def celsius(channel: str, values: NDArray[np.float64]) -> Gate:
     whole = bool((present == np.rint(present)).all())
     jumps = float(np.sqrt(np.square(np.diff(present)).mean() / 2.0)) if present.size > 1 else 0.0
     reason = f"from {low:g} to {high:g}"
-    if low >= _COLDEST and high <= _HOTTEST and not (whole and jumps > _COARSE):
+    if low >= _COLDEST and high <= _HOTTEST and not (series and whole and jumps > _COARSE):
         return Gate(name="celsius", channel=channel, ok=True, reason=f"{reason} degC")
-    if not whole and _COLDEST <= middle - _ZERO <= _HOTTEST:
+    if not (series and whole) and _COLDEST <= middle - _ZERO <= _HOTTEST:
         reason += ", as of kelvin"
     elif whole:
         reason += f" in whole numbers, {jumps:.2g} from sample to sample: raw counts"

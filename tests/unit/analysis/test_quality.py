@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from hil.analysis.gates import Facts
+from hil.analysis.gates import Facts, resolved, rounding, saturated, spikes, stuck
 from hil.analysis.quality import density_agrees, judge, tripped
 from hil.model.errors import Refused
 
@@ -184,3 +184,76 @@ def test_channels_of_another_length_are_refused():
     """Every channel has a value for each timestamp."""
     with pytest.raises(Refused, match="channel x has shape"):
         tripped([0.0, 1.0, 2.0], {"x": [1.0]}, Facts())
+
+
+def noise(count=4000, seed=3):
+    """White noise of 1."""
+    return np.random.default_rng(seed).standard_normal(count)
+
+
+def changed(places, value):
+    """Noise with other values at some places."""
+    values = noise()
+    values[places] += value
+    return values
+
+
+@pytest.mark.parametrize(
+    ("values", "first"),
+    [
+        (changed([1234], 15.0), 1235),
+        (changed([5, 700, 701], -12.0), 6),
+        (changed(np.s_[1300:1310], 15.0), 1301),
+        (changed(np.s_[2048:2078], 8.0), 2049),
+    ],
+)
+def test_spikes_and_knocks_trip(values, first):
+    """One sample, two in a row, ten, thirty; the first is named within the average that shows it."""
+    gate = spikes("x", values)
+    assert gate.ok is False
+    assert abs(gate.samples[0] - first) <= 64
+
+
+def test_noise_drift_and_motion_are_no_spikes():
+    """White noise, a random walk, coarse counts, a step, and a slow swing with quick parts."""
+    swing = noise() * 0.01 + np.sin(np.arange(4000) / 50.0) ** 5
+    step = noise() + 20.0 * (np.arange(4000) > 2000)
+    for values in (noise(100_000), np.cumsum(noise()), np.rint(noise() * 0.7), np.rint(noise()), step, swing):
+        assert spikes("x", values).ok is True
+
+
+@pytest.mark.parametrize("level", [0.5, 1.0, 2.0])
+def test_clipping_is_found_without_the_full_scale(level):
+    """On one side; fine readings and counts of a tenth."""
+    for values in (np.minimum(noise(), level), np.rint(10.0 * np.maximum(noise(), -level)) / 10.0):
+        gate = saturated("x", values, Facts())
+        assert gate.ok is False
+        assert abs(values[gate.samples[0] - 1]) == pytest.approx(level)
+
+
+def test_counts_of_noise_are_not_clipped():
+    """Coarse and fine counts, and a slow sine: nothing piles up at the last level."""
+    sine = 20.0 * np.sin(np.arange(4000) / 100.0)
+    for values in (np.rint(noise()), np.rint(10.0 * noise()), np.rint(noise() * 0.7), np.rint(sine + noise())):
+        assert saturated("x", values, Facts()).ok is None
+
+
+def test_noise_quantised_away_trips_without_the_count():
+    """The readings themselves show what one count is."""
+    gate = resolved("x", 0.00875 * np.rint(0.2 * noise() + 0.3), Facts())
+    assert gate.ok is False
+    assert "one count is 0.00875" in gate.reason
+    assert resolved("x", noise(), Facts()).ok is None
+
+
+def test_rounding_adds_what_the_formula_says():
+    """Counts of one standard deviation: sqrt(1 + 1/12)."""
+    assert rounding(np.rint(noise(100_000)), Facts()) == pytest.approx(math.sqrt(13.0 / 12.0) - 1.0, abs=0.003)
+    assert rounding(noise(), Facts()) == 0.0
+
+
+def test_the_samples_of_a_gate_are_numbered_from_one():
+    """Where a channel is stuck, from the first to the last; of repeated rows the repetition."""
+    values = noise()
+    values[100:200] = values[100]
+    assert stuck("x", values).samples == (101, 200)

@@ -73,3 +73,48 @@ def test_a_record_that_is_nearly_all_hole_is_refused():
     """Ten times more samples missing than there are."""
     with pytest.raises(Refused, match="497 samples are missing"):
         with_holes(np.array([0, 1, 2, 500]), [1.0, 2.0, 3.0, 4.0])
+
+
+@pytest.mark.parametrize("rate", [952.0, 1030.0, 1500.0])
+def test_rounded_timestamps_lose_nothing(rate):
+    """Whole milliseconds of rates that are none: no sample is missing, none repeats, and the rate is right."""
+    report = assess(np.floor(np.arange(10_000) / rate * 1e3) / 1e3)
+    assert report.rounded
+    assert report.even
+    assert abs(report.rate - rate) < 3.0 * report.rate_uncertainty
+    assert report.jitter < 0.05
+
+
+def test_a_real_gap_between_rounded_timestamps_is_counted():
+    """952 Hz in whole milliseconds without 500 samples."""
+    report, places = placed(np.delete(np.floor(np.arange(10_000) / 952.0 * 1e3) / 1e3, np.s_[4000:4500]))
+    assert (report.gaps, abs(report.missing - 500) <= 1) == (1, True)
+    assert abs(int(places[-1]) - 9999) <= 1
+
+
+def test_samples_lost_on_a_coarse_grid_are_missing():
+    """100 Hz written in hundredths: rounding explains no interval of two."""
+    kept = np.random.default_rng(1).random(10_000) > 0.05
+    report = assess(np.arange(10_000)[kept] / 100.0)
+    assert not report.rounded
+    assert report.missing == 10_000 - kept.sum() - np.argmax(kept) - np.argmax(kept[::-1])
+
+
+@pytest.mark.parametrize("spread", [0.0, 1e-4])
+def test_bursts_are_even_samples(spread):
+    """Ten samples at once, each 0.1 s: 100 Hz, nothing repeats and nothing is missing."""
+    report = assess(np.repeat(np.arange(200) / 10.0, 10) + np.tile(np.arange(10) * spread, 200))
+    assert report.even
+    assert report.burst == pytest.approx(10.0)
+    assert report.rate == pytest.approx(100.0, rel=1e-9)
+
+
+def test_jitter_of_a_third_loses_nothing_and_widens_the_rate():
+    """Intervals that scatter by a third: no gaps; the rate is known by what adds up."""
+    for seed in range(20):
+        walk = np.cumsum(np.abs(1.0 + np.random.default_rng(seed).standard_normal(5000) / 3.0)) / 100.0
+        report = assess(walk)
+        assert report.gaps <= 1
+        assert abs(report.rate - 100.0) < 4.0 * report.rate_uncertainty
+    host = assess(np.arange(5000) / 100.0 + np.random.default_rng(0).uniform(-1.0, 1.0, 5000) / 300.0)
+    assert abs(host.rate - 100.0) < 4.0 * host.rate_uncertainty < 0.1

@@ -134,6 +134,35 @@ def test_an_unlikely_rate_asks_for_the_unit_of_time(tmp_path, step, rate):
     assert "time_unit" not in run(str(log), "--time", "1", "--time-unit", "s", "--unit", "deg/s").stdout
 
 
+def test_a_gate_that_trips_makes_the_coefficients_inconclusive(tmp_path):
+    """The reason with the sample, no number beside the status, exit code 1, lines within 80 columns."""
+    values = np.random.default_rng(0).standard_normal(2000)
+    values[700] = 500.0
+    log = tmp_path / "log.txt"
+    np.savetxt(log, values)
+    asked = ["allan", str(log), "--rate", "100", "--unit", "deg/s"]
+    result = CliRunner().invoke(command, asked, standalone_mode=False)
+    assert result.return_value == 1
+    assert re.search(r"^INCONCLUSIVE: spikes of 1: .* number\s+701$", result.stdout, re.MULTILINE | re.DOTALL)
+    assert re.search(r"^white noise +- +inconclusive$", result.stdout, re.MULTILINE)
+    assert max(len(line) for line in result.stdout.splitlines()[1:]) <= 80
+    document = json.loads(CliRunner().invoke(command, [*asked, "--json"], standalone_mode=False).stdout)
+    assert (
+        document["status"] == document["axes"][0]["status"] == document["axes"][0]["white"]["status"] == "inconclusive"
+    )
+    assert "spikes of 1" in document["axes"][0]["reasons"][0]
+    assert [gate["samples"] for gate in document["gates"] if gate["name"] == "spikes"] == [[701]]
+
+
+def test_facts_of_the_sensor_are_in_the_unit_of_the_file(tmp_path):
+    """A full scale in counts trips scaled samples as well."""
+    log = tmp_path / "log.txt"
+    np.savetxt(log, np.clip(np.rint(30.0 * np.random.default_rng(0).standard_normal(2000)), -80, 80))
+    asked = (str(log), "--rate", "100", "--unit", "LSB", "--scale", "-0.01", "--scaled-unit", "deg/s")
+    assert "samples are at full scale, 0.8" in " ".join(run(*asked, "--full-scale", "80").stdout.split())
+    assert "at full scale" not in run(*asked, "--full-scale", "81").stdout
+
+
 def test_jitter_below_a_nanosecond_is_none(tmp_path):
     """Rounding errors of even timestamps are not printed as jitter."""
     log = tmp_path / "log.txt"

@@ -54,6 +54,19 @@ def test_exports_are_written_and_read_back(tmp_path):
     assert json.loads(text)["fingerprint"] in (tmp_path / "c.h").read_text(encoding="utf-8")
 
 
+def test_kelvin_is_doubted_and_nothing_is_exported(tmp_path):
+    """The gate names kelvin; no file is written, and the exit code is 1."""
+    lines = Path(TABLE).read_text(encoding="utf-8").splitlines()
+    warm = [f"{float(line.split(',')[0]) + 273.15},{line.split(',', 1)[1]}" for line in lines[1:]]
+    table = tmp_path / "kelvin.csv"
+    table.write_text("\n".join([lines[0], *warm]), encoding="utf-8")
+    asked = ["gyroscope-temperature", str(table), *ALL, "--export", str(tmp_path / "c.json")]
+    result = CliRunner().invoke(command, asked, standalone_mode=False, catch_exceptions=False)
+    assert result.return_value == 1
+    assert "as of kelvin" in " ".join(result.stdout.split())
+    assert not (tmp_path / "c.json").exists()
+
+
 def test_rest_alone_calibrates_the_bias(tmp_path):
     """Rows at rest only: the scale is not measured, and that is said."""
     lines = Path(TABLE).read_text(encoding="utf-8").splitlines()

@@ -118,6 +118,33 @@ def test_what_is_wrong_is_said_with_its_place(written, text, columns, why):
         read(written(text), columns)
 
 
+@pytest.mark.parametrize(
+    ("first", "second", "apart"),
+    [
+        ("00:00:01", "00:01:02.5", 61.5),
+        ("23:59:59.250", "3 days 00:00:00", 172800.75),
+        ("1d 02:03:04", "1d 02:03:05", 1.0),
+        ("2026-01-31T23:59:59.9", "2026-02-01 00:00:00", 0.1),
+        ("2026-01-31T23:59:59Z", "2026-01-31T23:00:00-01:00", 1.0),
+        ("2026-12-31 23:59", "2027-01-01 00:00", 60.0),
+        ("1.5", "2.5", 1.0),
+    ],
+)
+def test_times_are_read_as_they_are_written(written, first, second, apart):
+    """Times of day, days, ISO 8601 with zones, and plain numbers; all of them as seconds."""
+    table = read(written(f"t;x\n{first};1\n{second};2\n"), ["x"], first="t", clock=True)
+    assert table.values[1, 0] - table.values[0, 0] == pytest.approx(apart)
+    assert table.values[:, 1].tolist() == [1.0, 2.0]
+
+
+@pytest.mark.parametrize("cell", ["01/02/2026 10:00:00", "01:30", "2026-13-01T00:00:00", "noon"])
+def test_a_time_that_could_mean_several_is_refused(written, cell):
+    """The line, and how times are written."""
+    with pytest.raises(Refused, match="log.txt:3:1: .* is not a time") as caught:
+        read(written(f"t;x\n10:00:00;1\n{cell};2\n10:00:02;3\n"), first="t", clock=True)
+    assert "hh:mm:ss.sss" in caught.value.hint
+
+
 def test_a_missing_file_and_a_folder_are_refused(tmp_path):
     """The system's own words, after the path."""
     with pytest.raises(Refused, match="nowhere.txt: No such file or directory"):

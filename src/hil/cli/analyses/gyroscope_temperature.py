@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,8 +14,10 @@ from hil.model.errors import Refused
 from hil.model.figure import Figure
 
 if TYPE_CHECKING:
+    from hil.analysis.gates import Gate
     from hil.analysis.gyroscope.calibrate import CalibrationReport
     from hil.analysis.gyroscope.readings import Reading
+    from hil.logs.columns import Table
 
 __all__ = ["gyroscope_temperature"]
 
@@ -77,12 +79,13 @@ def gyroscope_temperature(  # noqa: PLR0913 - one argument per option
     export: Path | None,
     c_header: Path | None,
     as_json: bool,
-) -> None:
+) -> int:
     """Calibrate bias, scale and alignment over temperature from the table of means in FILE.
 
     Each row is the mean reading of all axes at one temperature, at rest or at one true rate about one
     axis. Bias and scale become polynomials of temperature whose degree the data choose:
     rate = scale(T) * (measured - bias(T)). What is exported is read back, and must reproduce the table.
+    If a gate speaks against the table, nothing is exported, and the exit code is 1.
 
     \b
     Example:
@@ -105,13 +108,17 @@ def gyroscope_temperature(  # noqa: PLR0913 - one argument per option
     readings = _readings(file, columns, names, unit)
     report = calibrate(readings, reference=reference, rate_uncertainty=rate_uncertainty, margin=margin)
     _checked(report)
-    _write(report, export, c_header)
+    gates = _gates(readings)
+    doubted = any(gate.ok is False for gate in gates)
+    if not doubted:
+        _write(report, export, c_header)
     if plot is not None:
         from hil.cli.analyses.plots import draw_gyroscope  # noqa: PLC0415 - matplotlib is slow to import
 
         draw_gyroscope(plot, report)
     text = gyroscope_text.as_json if as_json else gyroscope_text.as_text
-    click.echo(text(str(file), len(readings), report))
+    click.echo(text(str(file), len(readings), report, gates))
+    return int(doubted)
 
 
 def _split(text: str | None) -> tuple[str, ...]:
@@ -132,7 +139,9 @@ def _readings(file: Path, columns: _Columns, names: tuple[str, ...], unit: str) 
             raise Refused(f"{option} names {len(given)} columns for {count} axes", "name one column for each of --axes")
     wanted = [*columns.means, *columns.rates, *columns.uncertainties]
     readings = []
-    for row in read(file, wanted, first=columns.temperature).values.tolist():
+    table = read(file, wanted, first=columns.temperature)
+    _finite(file, table)
+    for row in table.values.tolist():
         rates = row[1 + count : 1 + 2 * count] if columns.rates else [0.0] * count
         spread = row[-count:] if columns.uncertainties else [columns.uncertainty] * count
         figures = _figures(row[1 : 1 + count], spread, unit)
@@ -144,6 +153,33 @@ def _readings(file: Path, columns: _Columns, names: tuple[str, ...], unit: str) 
             )
         )
     return readings
+
+
+def _gates(readings: Sequence[Reading]) -> tuple[Gate, ...]:
+    """Ask the temperatures and each axis what they read.
+
+    Raises:
+        Refused: a number of the table is none.
+    """
+    import numpy as np  # noqa: PLC0415 - start-up stays light
+
+    from hil.analysis.gates import celsius, stuck  # noqa: PLC0415 - start-up stays light
+
+    temperatures = np.array([each.temperature for each in readings])
+    axes = {axis: np.array([each.means[axis].value for each in readings]) for axis in readings[0].means}
+    still = [replace(stuck(axis, values), name="still") for axis, values in axes.items()]
+    return (celsius("temperature", temperatures, series=False), *still)
+
+
+def _finite(file: Path, table: Table) -> None:
+    import numpy as np  # noqa: PLC0415 - start-up stays light
+
+    rows, places = np.nonzero(~np.isfinite(table.values))
+    if rows.size:
+        raise Refused(
+            f"{file}: row {rows[0] + 1} has no finite number in column {table.names[places[0]]}",
+            "mend or remove the row",
+        )
 
 
 def _figures(values: Sequence[float], spread: Sequence[float | None], unit: str) -> list[Figure]:

@@ -5,13 +5,15 @@ from __future__ import annotations
 import json
 import math
 
+from hil.analysis.gates import Gate
 from hil.analysis.gyroscope.calibrate import CalibrationReport
 from hil.analysis.gyroscope.calibration import Calibration, Polynomial
 from hil.analysis.gyroscope.fitting import Candidate, Fit
 from hil.analysis.gyroscope.interchange import as_document, fingerprint
 from hil.cli.analyses.allan_text import stated
+from hil.cli.analyses.log import INCONCLUSIVE, gates_as_json
 from hil.model.figure import Figure
-from hil.report.tables import aligned
+from hil.report.tables import aligned, fitting
 
 __all__ = ["as_json", "as_text"]
 
@@ -19,12 +21,15 @@ _CANDIDATES = ("degree", "leave-one-out", "AICc", "chi-square", "probability", "
 _POINTS = ("T [degC]", "value", "residual")
 
 
-def as_json(file: str, readings: int, report: CalibrationReport) -> str:
+def as_json(file: str, readings: int, report: CalibrationReport, gates: tuple[Gate, ...]) -> str:
     """Return the result as one JSON document; what is not finite is null."""
     document = {
         "format": 1,
         "file": file,
         "readings": readings,
+        "status": INCONCLUSIVE if any(gate.ok is False for gate in gates) else "conclusive",
+        "reasons": [str(gate) for gate in gates if gate.ok is False],
+        "gates": gates_as_json(gates),
         "remarks": list(report.remarks),
         "calibration": as_document(report.calibration),
         "bias": {axis: _fit(fitted) for axis, fitted in report.bias.items()},
@@ -52,11 +57,12 @@ def _candidate(candidate: Candidate) -> dict[str, float | None]:
     return {name: number if math.isfinite(number) else None for name, number in numbers.items()}
 
 
-def as_text(file: str, readings: int, report: CalibrationReport) -> str:
+def as_text(file: str, readings: int, report: CalibrationReport, gates: tuple[Gate, ...]) -> str:
     """Return the result as plain text: a part for each axis, the alignment, and the range."""
     calibration = report.calibration
     lines = [f"{file}: {readings} readings of {', '.join(calibration.axes)} in {calibration.unit}"]
-    lines += [f"note: {remark}" for remark in report.remarks]
+    doubts = [f"INCONCLUSIVE: {gate}; nothing is exported" for gate in gates if gate.ok is False]
+    lines += fitting([*doubts, *(f"note: {remark}" for remark in report.remarks)], 80)
     for axis in calibration.axes:
         for what, fits in (("bias", report.bias), ("scale", report.scale)):
             if axis in fits:

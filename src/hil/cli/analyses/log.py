@@ -34,6 +34,7 @@ _LARGEST, _SMALLEST = 1e100, 1e-100  # beyond these a square is no number any mo
 _JITTER = 0.6  # of an interval, rms: with more nobody can tell which sample is which
 _COPED = frozenset({"gaps", "jitter", "rate"})  # what averages over evenly placed samples can cope with
 _LEAST_OF_CLOCK = 10  # samples
+_TOLD = 0.005  # of white noise, added by rounding
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -122,7 +123,7 @@ class Log:
 
 def status(doubts: tuple[Gate, ...], otherwise: str) -> str:
     """Return the status of a figure: what the analysis says of it, unless a gate speaks against the log."""
-    return INCONCLUSIVE if doubts and otherwise != "not observable" else otherwise
+    return INCONCLUSIVE if doubts and otherwise not in {"not observable", "model rejected"} else otherwise
 
 
 def gates_as_json(gates: tuple[Gate, ...]) -> list[dict[str, object]]:
@@ -208,7 +209,7 @@ def obtain(wanted: Wanted) -> Log:
         sampling=timed.report,
         channels=_on_grid(timed, channels),
         gates=gates,
-        remarks=(*table.remarks, *timed.remarks, *_missing(channels, timed.report)),
+        remarks=(*table.remarks, *timed.remarks, *_missing(channels, timed.report), *_rounded(channels, facts)),
         coped=coped,
     )
 
@@ -323,6 +324,17 @@ def _missing(channels: Mapping[str, NDArray[np.float64]], report: SamplingReport
         number = f"{report.missing} samples are" if report.missing > 1 else "1 sample is"
         told.append(f"{number} missing; averages that miss more than 5 % of their samples are left out")
     return told
+
+
+def _rounded(channels: Mapping[str, NDArray[np.float64]], facts: Facts) -> list[str]:
+    from hil.analysis.gates import rounding  # noqa: PLC0415 - start-up stays light
+
+    parts = {name: rounding(values, facts) for name, values in channels.items()}
+    return [
+        f"column {name}: readings are rounded to counts, so white noise reads about {part:.1%} above the sensor's own"
+        for name, part in parts.items()
+        if part >= _TOLD
+    ]
 
 
 def _clocks(rates: Mapping[str, NDArray[np.float64]]) -> list[str]:

@@ -1,0 +1,90 @@
+"""How the times of a log are understood."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hil.analysis.timeline import time_unit, timeline, unwrapped
+
+
+@pytest.mark.parametrize("modulus", [2.0**16, 2.0**24, 2.0**31, 2.0**32, 2.0**32 / 1e3, 86400.0, 3600.0, 60.0])
+def test_counters_that_wrap_are_continued(modulus):
+    """Steps of a thousandth of the range, across its end twice."""
+    even = modulus * (0.9 + 0.001 * np.arange(1500))
+    raw, told = unwrapped(even % modulus)
+    assert np.allclose(np.diff(raw), 0.001 * modulus, rtol=1e-6)
+    assert "start anew 2 times, at sample 101, 1101" in told[0]
+
+
+@pytest.mark.parametrize("back", [2.0, 17.0, 49.0])
+def test_a_clock_that_is_set_back_is_no_counter(back):
+    """What no range explains stays, and the gate on order is left to say so."""
+    times = np.arange(6000) / 100.0
+    raw, told = unwrapped(times - back * (times > 50.0))
+    assert told == ()
+    assert (np.diff(raw) < 0.0).any()
+
+
+def test_rows_out_of_order_are_put_back():
+    """Neighbours that changed places: times rise, and each row keeps its values."""
+    order = np.arange(100)
+    order[[40, 41]] = order[[41, 40]]
+    line = timeline(order / 10.0)
+    assert (np.diff(line.seconds) > 0.0).all()
+    assert line.rows is not None
+    assert line.rows.tolist() == order.tolist()
+    assert "2 rows stand out of order" in line.remarks[0]
+
+
+def test_rows_that_are_written_twice_are_left_out_with_a_remark():
+    """Time and values repeat: one row goes; with other values it stays."""
+    times = np.arange(100) / 10.0
+    twice, values = np.insert(times, 50, times[50]), np.insert(np.arange(100.0), 50, 50.0)
+    assert timeline(twice, values=values[:, None]).seconds.size == 100
+    values[51] = -1.0
+    line = timeline(twice, values=values[:, None])
+    assert line.seconds.size == 101
+    assert line.report.duplicates == 1
+
+
+def test_a_timestamp_that_is_no_number_is_taken_from_its_neighbours():
+    """One of a thousand is told, twenty trip the gate."""
+    times = np.arange(1000) / 10.0
+    times[30] = np.nan
+    line = timeline(times)
+    assert line.seconds[30] == pytest.approx(3.0)
+    assert [gate.ok for gate in line.gates if gate.name == "times"] == [True]
+    times[100:120] = np.nan
+    assert [gate.ok for gate in timeline(times).gates if gate.name == "times"] == [False]
+
+
+@pytest.mark.parametrize(
+    ("column", "start", "unit"),
+    [
+        ("t_ms", 0.0, "ms"),
+        ("Time [us]", 0.0, "us"),
+        ("timestamp(ns)", 0.0, "ns"),
+        ("Time (Hours)", 0.0, "h"),
+        ("Time", 0.0, "s"),
+        ("1", 0.0, "s"),
+        ("s", 0.0, "s"),
+        ("t", 1.7e9, "s"),
+        ("t", 1.7e12, "ms"),
+        ("t", 1.7e15, "us"),
+        ("t", 1.7e18, "ns"),
+    ],
+)
+def test_the_unit_follows_from_the_name_or_the_size(column, start, unit):
+    """A name that ends in a unit, or an epoch; what is typed wins."""
+    assert time_unit(None, column, [start])[0] == unit
+    assert time_unit("min", column, [start]) == ("min", "")
+
+
+@pytest.mark.parametrize(("step", "asks"), [(10.0, "ms"), (1e4, "us"), (1e7, "ns"), (1e-6, "h")])
+def test_an_interval_that_no_sensor_has_asks_for_the_unit(step, asks):
+    """Only if nobody typed it."""
+    (gate,) = timeline(step * np.arange(100), typed=False).gates
+    assert gate.ok is False
+    assert f"type --time-unit {asks} if" in gate.reason
+    assert timeline(step * np.arange(100)).gates[0].ok is True
