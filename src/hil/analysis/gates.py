@@ -232,8 +232,7 @@ def _piled(present: _Array, end: float, step: float) -> bool:
 
 
 def spikes(channel: str, values: _Array) -> Gate:
-    """Trip where samples stand out of noise by far more than chance explains: single ones, or a knock of up to 200,
-    in a long record.
+    """Trip where samples stand out of noise by far more than chance explains: single ones, and knocks that last.
 
     Averages over 1, 4, 16 and 64 samples are held against the mean of their two neighbours; s is the robust scatter of
     these differences. White noise passes the limit of about 7 s once in a million records. What stands in a
