@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hil.analysis.allan.deviation import deviation
+from hil.analysis.extremes import resolved, saturated, spikes
 from hil.analysis.gates import (
     HIGHEST,
     LOWEST,
@@ -20,9 +21,6 @@ from hil.analysis.gates import (
     finite,
     numbers,
     repeated,
-    resolved,
-    saturated,
-    spikes,
     stuck,
 )
 from hil.analysis.sampling import SamplingReport, assess

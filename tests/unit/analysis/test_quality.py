@@ -7,7 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from hil.analysis.gates import Facts, resolved, rounding, saturated, spikes, stuck
+from hil.analysis.extremes import resolved, rounding, saturated, spikes
+from hil.analysis.gates import Facts, stuck
 from hil.analysis.quality import density_agrees, judge, tripped
 from hil.model.errors import Refused
 

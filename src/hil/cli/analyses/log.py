@@ -327,7 +327,7 @@ def _missing(channels: Mapping[str, NDArray[np.float64]], report: SamplingReport
 
 
 def _rounded(channels: Mapping[str, NDArray[np.float64]], facts: Facts) -> list[str]:
-    from hil.analysis.gates import rounding  # noqa: PLC0415 - start-up stays light
+    from hil.analysis.extremes import rounding  # noqa: PLC0415 - start-up stays light
 
     parts = {name: rounding(values, facts) for name, values in channels.items()}
     return [
