@@ -94,6 +94,7 @@ def _arguments(configuration: Configuration, ini: Path) -> list[str]:
         *("-p", "no:terminal"),
         *("-p", "no:cacheprovider"),
         *("-p", "no:debugging"),
+        *("-p", "no:unraisableexception"),  # it hides them without a terminal, and searches all memory twice for them
         "--capture=no",
         *(str(plan) for plan in configuration.plans),
     ]
