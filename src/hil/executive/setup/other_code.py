@@ -10,7 +10,7 @@ import site
 import sys
 import sysconfig
 from collections.abc import Iterator, Mapping
-from functools import cache
+from functools import cache, lru_cache
 from importlib import metadata
 from importlib.metadata import Distribution, EntryPoint
 from pathlib import Path
@@ -186,8 +186,8 @@ def other_packages() -> tuple[OtherPackage, ...]:
     """Return the packages of others that offer a driver, role, plant or the like that this process has loaded."""
     found: dict[str, tuple[Distribution, dict[EntryPoint, str]]] = {}
     for what, point in Offers.in_use():
-        if point.dist is not None and point.dist.name != _PRODUCT:
-            found.setdefault(point.dist.name, (point.dist, {}))[1][point] = what
+        if point.dist is not None and (name := named(point.dist)[0]) != _PRODUCT:
+            found.setdefault(name, (point.dist, {}))[1][point] = what
     return tuple(OtherPackage(distribution, points) for _, (distribution, points) in sorted(found.items()))
 
 
@@ -249,6 +249,7 @@ def _owners() -> Mapping[str, _Owner]:
     return found
 
 
+@lru_cache(maxsize=256)
 def named(distribution: Distribution) -> tuple[str, str]:
     """Return name and version of an installed package; to parse all of its metadata takes many times as long."""
     head = (distribution.read_text("METADATA") or "").partition("\n\n")[0]
