@@ -18,14 +18,14 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 MARK = "voltage_to_trace"
-PLAIN = '        check("JIG-MAG-010", "voltage", supply.sensor.voltage())\n'
+PLAIN = '        check("JIG-MAG-010", "voltage", supply.sensor.voltage(), headline="Supply of the sensor")\n'
 TRACED = """\
         supply.sensor.voltage()
         tracer = modules_tracer.Tracer("@MARK@", "@FOLDER@")
         with tracer.entered("reading"):
             found = supply.sensor.voltage()
         with tracer.entered("check"):
-            check("JIG-MAG-010", "@MARK@", found)
+            check("JIG-MAG-010", "@MARK@", found, headline="Supply of the sensor")
         tracer.follow("report")
 """
 TRACER = '''\
