@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import dis
 import hashlib
 import importlib
 import os
@@ -10,6 +11,7 @@ import py_compile
 import sys
 from importlib import metadata
 from importlib.util import cache_from_source
+from types import CodeType
 
 import pytest
 from evidence_runs import SOFTWARE, run_fields
@@ -195,3 +197,42 @@ def test_hardware_proves_what_ran():
     missing = "the code that ran was not compared with what was installed when the run ended"
     assert judged() == {missing: False}
     assert judged(format_=2) == judged(source=Source.SIMULATED) == {}
+
+
+LOOP = """
+def heard(events):
+    for event in events:
+        match event:
+            case int():
+                found = True
+            case str():
+                found = False
+            case _:
+                try:
+                    found = event.found
+                except AttributeError:
+                    found = None
+    return found
+"""
+
+
+def test_a_jump_to_a_jump_is_the_jump_to_where_that_leads():
+    """The compiler takes either; another constant, name or order of steps is another code."""
+    code = compile(LOOP, "x", "exec")
+    (one,) = [each for each in code.co_consts if isinstance(each, CodeType)]
+    first, second, *_ = (each for each in dis.get_instructions(one) if each.opname == "JUMP_BACKWARD")
+    assert first.argval == second.argval
+    raw = bytearray(one.co_code)
+    raw[first.offset] = dis.opmap["JUMP_FORWARD"]
+    raw[first.offset + 1] = (second.offset - first.offset - 2) // 2
+    other = one.replace(co_code=bytes(raw))
+    assert other != one
+    assert executed._essence(other) == executed._essence(one)
+    for old, new in (
+        ("True", "1"),
+        ("event.found", "event.lost"),
+        ("int()", "float()"),
+        ("AttributeError", "KeyError"),
+    ):
+        changed = compile(LOOP.replace(old, new), "x", "exec")
+        assert executed._essence(changed) != executed._essence(code)

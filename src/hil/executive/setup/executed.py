@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dis
 import marshal
 import os
 import re
@@ -182,14 +183,54 @@ def _are_of(codes: Iterable[CodeType], source: bytes, file: str) -> bool:
 
 
 def _essence(value: object) -> object:
-    """Return what two equal codes have alike; what the interpreter learned of one while it ran is left out."""
+    """Return what two equal codes have alike, whatever the interpreter has learned of one while it ran."""
     if isinstance(value, CodeType):
         counts = (value.co_argcount, value.co_posonlyargcount, value.co_kwonlyargcount, value.co_flags)
-        names = (value.co_name, value.co_names, value.co_varnames, value.co_freevars, value.co_cellvars)
-        return (counts, names, value.co_code, value.co_exceptiontable, tuple(map(_essence, value.co_consts)))
+        names = (value.co_name, value.co_varnames, value.co_freevars, value.co_cellvars)
+        consts = tuple(_essence(each) for each in value.co_consts if isinstance(each, CodeType))
+        return (counts, names, _steps(value), consts)
     if isinstance(value, tuple):
         return tuple(map(_essence, value))
     return (type(value), sorted(map(repr, value)) if isinstance(value, frozenset) else repr(value))
+
+
+def _steps(code: CodeType) -> tuple[object, ...]:
+    """Return the instructions, each jump with the one that it leads to in the end, and the handlers of exceptions.
+
+    Python 3.11 compiles one source not always to the same bytes: it may jump to a jump, or to where that leads.
+    """
+    every = list(dis.get_instructions(code))
+    known = [each for each in every if each.opname != "EXTENDED_ARG"]
+    place, number = {}, 0
+    for each in every:
+        place[each.offset] = number
+        number += each.opname != "EXTENDED_ARG"
+    place[len(code.co_code)] = number
+
+    def leads_to(offset: int) -> int:
+        for _ in known:
+            step = known[place[offset]]
+            if step.opname not in _JUMPS:
+                break
+            offset = step.argval
+        return place[offset]
+
+    steps = tuple(
+        ("JUMP" if each.opname in _JUMPS else _WAY.sub("", each.opname), leads_to(each.argval))
+        if each.opcode in dis.hasjrel or each.opcode in dis.hasjabs
+        else (each.opname, _essence(_named(each.argval)))
+        for each in known
+    )
+    handlers = getattr(dis, "_parse_exception_table")(code)  # noqa: B009 - there is no public way to it
+    return (steps, *((place[each.start], place[each.end], place[each.target], each.depth) for each in handlers))
+
+
+def _named(value: object) -> object:
+    return value.co_name if isinstance(value, CodeType) else value  # its own code is compared by itself
+
+
+_JUMPS = frozenset({"JUMP_FORWARD", "JUMP_BACKWARD"})
+_WAY = re.compile("FORWARD_|BACKWARD_")
 
 
 @cache
