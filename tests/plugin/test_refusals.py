@@ -546,5 +546,6 @@ def test_a_fixture_that_asks_for_what_nothing_provides_is_named(tmp_path):
 def test_missing_ports_leave_no_run_behind(tmp_path):
     """Nothing was opened, so that there is nothing to seal and nothing that the ledger would miss."""
     said = refused(tmp_path, GOOD, kind=HilError, dut="ADCS-FM-1", source=Source.HARDWARE, epoch="2026-01-01T00:00:00Z")
-    assert "is not there; plug the boards in as the bench file says" in said
+    assert "if00-port0 is not there; " in said
+    assert "; plug the boards in as the bench file says" in said
     assert not (tmp_path / "workspace/reports/.ledger").exists()

@@ -598,8 +598,8 @@ def test_code_of_others_is_told_in_sentences(tmp_path):
     (copy / "data/results.json").chmod(0o644)
     (copy / "data/results.json").write_text(json.dumps(results))
     words = Page(make_reports(copy, found_of(copy))[HTML].decode()).words
-    assert f"drivers from other packages {told}" in words
-    assert f"other code {reason}" in words
+    assert f"drivers, roles, plants, peers and faults {told}" in words
+    assert f"code at the start of Python {reason}" in words
 
 
 def test_cases_called_the_same_keep_their_files(tmp_path):
