@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import math
 from contextlib import contextmanager
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from facing import facing
 
+from hil.executive.watching.monitoring import monitor_of
 from hil.instruments.keysight_34970a import Keysight34970a
 from hil.model.bench import Wire
+from hil.model.envelope import EnvelopeLimit
 from hil.model.errors import NoReply, Refused, Rejected
 from hil.model.figure import FigureStatus
 from hil.simulation.peers.keysight_34970a import MODEL
@@ -55,6 +58,32 @@ def test_each_input_is_read_in_its_unit():
         assert role.sample()[2:4] == (pytest.approx(4.125, abs=1e-6), 129.0)
         with pytest.raises(Refused, match="has no channel 'buss'"):
             role.read("buss")
+
+
+def test_an_input_is_a_limit_of_the_envelope():
+    """Read by its name, a wire off is not observable; while it is recorded, only rows tell, and no rows are a fault."""
+    limit = EnvelopeLimit(
+        id="plate-hot",
+        output="data_acquisition",
+        quantity="plate",
+        unit="degC",
+        maximum=60.0,
+        period_s=2.0,
+        max_age_s=9.0,
+    )
+    with daq() as (role, _, clock):
+        wire = Wire(role="data_acquisition", instrument="daq1", settings=WIRE)
+        daq1 = SimpleNamespace(driver="keysight-34970a")
+        spec = SimpleNamespace(wire=lambda _: wire, instrument=lambda _: daq1)
+        monitor = monitor_of(SimpleNamespace(roles={"data_acquisition": role}, spec=spec, clock=clock), limit)
+        figure, trip = monitor.take(clock.now_ns)
+        assert (trip, figure.value) == (None, pytest.approx(clock.now(), abs=0.2))
+        role.begin(1.0)
+        with pytest.raises(NoReply, match="daq1: .* is being recorded, and no rows come"):
+            monitor.take(clock.now_ns)
+        role.end()
+        clock.sleep(60.0)
+        assert monitor.take(clock.now_ns)[1].limit == "plate-hot"
 
 
 def test_a_recording_has_the_times_of_the_instrument():

@@ -49,6 +49,20 @@ def test_open_thermocouple(data_acquisition, record, check):
     record("temps", data_acquisition, duration=1.0, rate=4.0)
     check("T-150", "temperature", data_acquisition.read("jig"))
 """
+TRIPS = """
+@pytest.mark.requirement("T-130", "T-140")
+def test_hot(data_acquisition, supply, record, clock):
+    clock.sleep(4.0)
+    with record.during("temps", data_acquisition, rate=4.0) as temps:
+        clock.sleep(6.0)
+    supply.coil.configure(1.0, 0.02)
+    supply.coil.enable()
+    with record.during("temps", data_acquisition, rate=4.0) as temps:
+        clock.sleep(600.0)
+"""
+LIMIT = """envelope:
+- {id: coil-volts, output: data_acquisition, quantity: volts, unit: V, max: "0.5", period: 1 s, max_age: 6 s}
+"""
 BENCH = {
     "instruments:\n  psu1:": """instruments:
   scope1: {driver: rigol-ds1000z, port: TCPIP::192.168.10.40::5555::SOCKET, identity: {model: DS1054Z}}
@@ -91,4 +105,17 @@ def test_a_run_that_is_killed_within_a_capture_is_whole_once_resumed(tmp_path):
     assert np.diff(capture.time) == pytest.approx((capture.time[-1] - capture.time[0]) / (len(capture) - 1), rel=1e-3)
     assert np.diff(temps.time) == pytest.approx(0.25, abs=2e-3)
     assert (temps["volts_after"] > 0.05).all()
+    assert replay(ran.package).differences == ()
+
+
+def test_a_channel_is_a_limit_of_the_envelope(tmp_path):
+    """It is read by itself before, its rows are judged while it is recorded, and the row beyond the limit trips."""
+    workspace = without_git(make(tmp_path / "workspace", TRIPS, requirements=REQUIREMENTS))
+    workspace.change_bench({**BENCH, "envelope:\n": LIMIT})
+    ran = workspace.run()
+    assert ran.code == 6, ran.out
+    (trip,) = bodies(ran.package, "trip")
+    assert (trip["limit"], trip["unit"]) == ("coil-volts", "V")
+    assert " s of recording " in trip["text"]
+    assert len(ran.package.recording("envelope-coil-volts")) > 1
     assert replay(ran.package).differences == ()

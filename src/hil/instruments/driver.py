@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Protocol, runtime_checkable
 
@@ -22,6 +22,7 @@ __all__ = [
     "Clamps",
     "Connection",
     "Driver",
+    "NamesInputs",
     "OpenedAnew",
     "Outlet",
     "ServesBus",
@@ -121,6 +122,16 @@ class Driver(Protocol):
 
     def role(self, wire: Wire) -> object:
         """Return the role that `wire` names; Refused where this instrument cannot fill it."""
+        ...
+
+
+@runtime_checkable
+class NamesInputs(Protocol):
+    """A driver whose role is read by names that the wire gives: its role has `read(name)`, and limits may name them."""
+
+    @staticmethod
+    def inputs(wire: Wire) -> Mapping[str, str]:
+        """Return the unit of each input that the wire names; what it does not name rightly is left out."""
         ...
 
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 import re
 from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, ClassVar
 
@@ -276,6 +276,12 @@ class Keysight34970a(ScpiInstrument):
     def outlets(self) -> Sequence[Outlet]:
         """Return none: it drives nothing."""
         return ()
+
+    @staticmethod
+    def inputs(wire: Wire) -> Mapping[str, str]:
+        """Return the unit of each input; see `hil.instruments.driver.NamesInputs`."""
+        named = (_INPUT.fullmatch(text) for key, text in wire.settings.items() if _CHANNEL.fullmatch(key))
+        return {match[1]: match[2] or match[4] or match[6] for match in named if match}
 
     def role(self, wire: Wire) -> DaqInputs:
         """Return the inputs that the wire names."""

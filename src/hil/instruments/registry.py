@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from hil.documents.offers import Offers
-from hil.instruments.driver import Driver
+from hil.instruments.driver import Driver, NamesInputs
 from hil.instruments.role import Role, problem_with
+from hil.model.bench import Wire
 from hil.model.errors import Refused
 
-__all__ = ["DRIVERS", "ROLES", "quantity_units", "role_of", "states_of", "unit_of"]
+__all__ = ["DRIVERS", "ROLES", "inputs_of", "quantity_units", "role_of", "states_of", "unit_of"]
 
 
 def _driver_problem(name: str, found: object) -> str:
@@ -44,6 +45,12 @@ def unit_of(output: str, quantity: str) -> str:
     """Return the unit in which an output's role gives a quantity, empty if it has no such quantity."""
     role = role_of(output)
     return role.quantities.get(quantity, "") if role else ""
+
+
+def inputs_of(driver: str, wire: Wire) -> Mapping[str, str]:
+    """Return the unit of each input that a wire names, none where its driver does not read inputs by names."""
+    found = DRIVERS.find(driver)
+    return found.inputs(wire) if found is not None and issubclass(found, NamesInputs) else {}
 
 
 def quantity_units() -> dict[str, tuple[str, ...]]:

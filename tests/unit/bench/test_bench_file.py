@@ -240,6 +240,36 @@ def test_positions_must_be_ones_that_arm_can_try(tmp_path, change, message):
     assert any(f"supply.coil: {message}" in line for line in found(tmp_path)), found(tmp_path)
 
 
+@pytest.mark.parametrize(
+    ("limit", "messages"),
+    [
+        ("quantity: rail, unit: V", []),
+        ('quantity: flags, unit: "1"', []),
+        (
+            "quantity: rial, unit: V",
+            ["data_acquisition has no rial: its wire names rail, plate, flags"],
+        ),
+        ("quantity: plate, unit: K", ["plate is given in degC here, not in 'K'"]),
+    ],
+)
+def test_a_limit_names_an_input_of_the_wire(tmp_path, limit, messages):
+    """Names and units of its inputs stand in its settings, and in no role."""
+    daq = '  daq1: {driver: keysight-34970a, port: "TCPIP::192.168.10.41::5025::SOCKET", identity: {model: 34970A}}\n'
+    inputs = '{"101": rail V 10, "102": plate degC K, "301": flags 1}'
+    wire = f"- {{role: data_acquisition, instrument: daq1, settings: {inputs}}}\n"
+    changed(
+        tmp_path,
+        ("instruments:\n", f"instruments:\n{daq}"),
+        ("wiring:\n", f"wiring:\n{wire}"),
+        (
+            "envelope:\n",
+            f'envelope:\n- {{id: seen, output: data_acquisition, {limit}, max: "5", period: 1 s, max_age: 5 s}}\n',
+        ),
+        ("  peers:\n", "  peers:\n    daq1: {}\n"),
+    )
+    assert [line.split(": ", 1)[1] for line in found(tmp_path)] == messages
+
+
 def test_rating_of_the_whole_instrument_holds_for_every_channel(tmp_path):
     """A rating without a channel is held against the clamps of all its outputs; one of another channel is not."""
     changed(

@@ -55,9 +55,23 @@ def quantity(at: Path, name: str, unit: str) -> Complaints:
     yield from _given(at, name, unit, quantity_units())
 
 
-def quantity_of(at: Path, output: str, name: str, unit: str) -> Complaints:
-    """Complain about a quantity that the output's role does not have, or of a unit in which it does not give it."""
+def quantity_of(at: Path, output: str, name: str, unit: str, inputs: Mapping[str, str] | None = None) -> Complaints:
+    """Complain about a quantity that the output's role does not have, or of a unit in which it does not give it.
+
+    Args:
+        at: where in the bench file.
+        output: name of a wire.
+        name: the quantity.
+        unit: its unit.
+        inputs: what the wire names beside its role's quantities, and the unit of each; see `inputs_of`.
+    """
     role, units = role_of(output), quantity_units()
+    if inputs:
+        if name and name not in inputs:
+            yield at, f"{output} has no {name}: its wire names {', '.join(inputs)}"
+        elif unit and name and unit != inputs[name]:
+            yield at, f"{name} is given in {inputs[name]} here, not in '{unit}'"
+        return
     if role and name and name not in role.quantities and (name in units or not nearest(name, role.quantities)):
         yield at, f"{output} has no {name}: {quantities_told(role)}"
         return

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 
 from hil.bench.derived.derivation import INTEGRALS, TIMES, UNITS
 from hil.bench.file.complaints import Complaints, known, listed, named, quantities_told, quantity, quantity_of
 from hil.clock.wall import is_date
 from hil.documents.suggest import did_you_mean
-from hil.instruments.registry import ROLES, quantity_units, role_of, unit_of
+from hil.instruments.registry import ROLES, inputs_of, quantity_units, role_of, unit_of
 from hil.model.bench import BenchSpec, Clamp, Proof, ReducedLevel, SafeStep, Wire
 from hil.model.envelope import MADE_OF, EnvelopeLimit
 from hil.model.notation import Path
@@ -239,12 +239,18 @@ def envelope(spec: BenchSpec) -> Complaints:
         if limit.is_derived:
             yield from _derived(spec, at, limit)
         else:
-            yield from quantity_of(at, limit.output, limit.quantity, limit.unit)
+            yield from quantity_of(at, limit.output, limit.quantity, limit.unit, _inputs(spec, limit.output))
         for problem in _bound_problems(limit):
             yield at, f"{limit.id}: {problem}"
         if limit.id and limit.id in seen:
             yield at, f"the envelope has two limits called '{limit.id}'"
         seen.add(limit.id)
+
+
+def _inputs(spec: BenchSpec, output: str) -> Mapping[str, str]:
+    wire = next((wire for wire in spec.wiring if wire.name == output), None)
+    item = next((item for item in spec.instruments if wire and item.name == wire.instrument), None)
+    return inputs_of(item.driver, wire) if wire and item else {}
 
 
 def _bound_problems(limit: EnvelopeLimit) -> Iterator[str]:

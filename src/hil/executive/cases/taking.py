@@ -12,7 +12,9 @@ from hil.executive.cases.streaming import Intake, SampledTurns, StreamTurns
 from hil.executive.journaling.row_store import OpenRecording, RowStore
 from hil.executive.watching.feeding import OFTEN, Columns, Fed, monitors_of, pause_allowed
 from hil.executive.watching.scheduler import Scheduler
+from hil.instruments.registry import inputs_of
 from hil.instruments.sampled import StreamReport
+from hil.model.errors import Misused
 
 __all__ = ["Taking", "fed_by"]
 
@@ -159,3 +161,17 @@ class Taking:
                 pause_s = pause_allowed(fed, 1 / self.facts.rate) if timeline.rows_wait else 0.0
                 self.turns.may_pause(pause_s, together=timeline.rows_together)
                 self.intake.feed = self._scheduler.feed(fed, self.turns.every_s, self.facts.recording)
+            self._require_fed(source, [monitor for _, monitor in fed], monitors)
+
+    def _require_fed(self, source: Facade, fed: Sequence[Monitor], monitors: Sequence[Monitor]) -> None:
+        """Require that the rows feed every limit on an input of that wire: it cannot be read beside them."""
+        inputs = inputs_of(source.instrument.driver, source.wire)
+        for monitor in monitors:
+            limit = monitor.limit
+            if limit.output == source.wire.name and limit.quantity in inputs and monitor not in fed:
+                allowed_s = limit.max_age_s - limit.period_s
+                raise Misused(
+                    f"record '{self.facts.name}': rows of {source.wire.name} may come {self.turns.every_s:.3g} s apart,"
+                    f" and the limit {limit.id} needs them within {allowed_s:.3g} s, its max_age less its period",
+                    "record at a higher rate, or allow a longer max_age in the bench file",
+                )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import cast
 
 from hil.bench.bound import BoundBench
 from hil.bench.derived.derivation import Derivation
@@ -13,10 +14,12 @@ from hil.executive.watching.feeding import Fed
 from hil.executive.watching.ports import CaseAtWork, Reports
 from hil.executive.watching.sharing import Bus, Pace, Share
 from hil.executive.watching.timeline import Timeline
+from hil.instruments.registry import inputs_of
 from hil.instruments.roles import Beaten
-from hil.model.bench import InstrumentSpec
+from hil.instruments.signal_roles import DataAcquisition
+from hil.model.bench import InstrumentSpec, Wire
 from hil.model.envelope import EnvelopeLimit
-from hil.model.errors import DeviceFault, NoReply, Rejected
+from hil.model.errors import DeviceFault, NoReply, Refused, Rejected
 from hil.model.figure import Figure
 from hil.wire.replay import MONITOR, OVERDUE
 from hil.wire.tap import LONGEST_TRANSACTION
@@ -246,11 +249,25 @@ def monitor_of(bench: BoundBench, limit: EnvelopeLimit) -> Monitor:
 
 
 def _reading(bench: BoundBench, output: str, quantity: str) -> Callable[[], Figure]:
-    role = bench.roles[output]
+    role, wire = bench.roles[output], bench.spec.wire(output)
+    if quantity in inputs_of(bench.spec.instrument(wire.instrument).driver, wire):
+        return _input_reading(wire, cast("DataAcquisition", role), quantity)
 
     def read() -> Figure:
         figure: Figure = getattr(role, quantity)()
         return figure
+
+    return read
+
+
+def _input_reading(wire: Wire, role: DataAcquisition, name: str) -> Callable[[], Figure]:
+    """Return what reads an input by its name; while the inputs are recorded, only rows tell of it."""
+
+    def read() -> Figure:
+        try:
+            return role.read(name)
+        except Refused as error:
+            raise NoReply(wire.instrument, f"{error.message}, and no rows come", "see why they do not") from error
 
     return read
 
