@@ -136,6 +136,15 @@ def _integrity(claim: Claim) -> _Found:
         yield Code.UNKNOWN_TO_LEDGER, "the ledger has no seal of this package"
 
 
+def _times(claim: Claim) -> _Found:
+    """Its times agree with the order of the ledger, and with today."""
+    package, today = claim.package, claim.world.date
+    if why := claim.ledgered.backwards_of(package):
+        yield Code.INTEGRITY, f"the times of the run cannot be believed: {why}"
+    if today and package.ended[:10] > today:
+        yield Code.INTEGRITY, f"the run ended {package.ended[:10]}, which is after {today}: a clock is wrong"
+
+
 def _signature(claim: Claim) -> _Found:
     """The package is signed, where the workspace asks for it."""
     if claim.world.policy.signatures and not claim.world.policy.valid.get(claim.package.digest):
@@ -277,6 +286,7 @@ CONDITIONS = (
     _eligibility,
     _meaning,
     _integrity,
+    _times,
     _signature,
     _approval,
     _unit,

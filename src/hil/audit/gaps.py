@@ -48,6 +48,8 @@ def problems_of(packages: Sequence[Package], book: Ledgered) -> Iterator[str]:
     """Give what is wrong with packages and ledger, in sentences."""
     yield from (f"{each.name}: it was taken out or changed, and nobody has said why" for each in book.removed.told)
     yield from (each.text for each in book.missing)
+    if book.doubted:
+        yield book.doubted
     for package in packages:
         if package.problem:
             yield f"{package.folder}: {package.problem}"

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from hil.audit.inputs import Package, Policy
 from hil.audit.remembered import Removed
-from hil.evidence.ledger.entries import ZERO, Entry, Head, Replayed, Sealed
+from hil.evidence.ledger.entries import ZERO, Entry, Head, Replayed, Sealed, set_back
 from hil.model.identity import Source
 
 __all__ = ["DISPOSITION", "Ledgered", "Missing", "ledgered"]
@@ -35,6 +35,8 @@ class Ledgered:
         damage: what is wrong with it, empty where nothing is.
         missing: packages of hardware that are not there.
         removed: what catalogue and registers had, and no longer have.
+        backwards: why the times of an entry cannot be believed, by the run that it is of: the first one of each.
+        doubted: how many lines were written by a clock that cannot be believed, and the first of them.
         replays: the last replay of each package by each analysis, by evidence digest and digest of the analysis.
     """
 
@@ -44,6 +46,8 @@ class Ledgered:
     damage: str = ""
     missing: tuple[Missing, ...] = ()
     removed: Removed = field(default_factory=Removed)
+    backwards: dict[str, str] = field(default_factory=dict)
+    doubted: str = ""
     replays: dict[tuple[str, str], Replayed] = field(default_factory=dict)
 
     def seal_of(self, package: Package) -> Sealed | None:
@@ -60,6 +64,10 @@ class Ledgered:
         """Return what packages are put in order by: their seals in the ledger; those without one come last."""
         found = self.seals.get(package.run) or self.seals.get(package.folder)
         return (found is None, found.seq if found else 0, package.ended, package.folder)
+
+    def backwards_of(self, package: Package) -> str:
+        """Return why the times of a package cannot be believed by the order of the ledger, empty if they can."""
+        return self.backwards.get(package.run) or self.backwards.get(package.folder, "")
 
     def disposed(self, package: Package) -> bool:
         """Return whether somebody signed what is done about a FAIL in this package."""
@@ -90,7 +98,30 @@ def ledgered(entries: Sequence[Entry], packages: Sequence[Package], policy: Poli
     replays = {(each.evidence, each.analysis): each for each in entries if isinstance(each, Replayed)}
     missing += _unsealed([each for each in entries if isinstance(each, Head) and each.run not in seals], packages)
     heads = frozenset({ZERO, head, *(each.prev for each in entries)})
-    return Ledgered(seals=seals, heads=heads, policy=policy, missing=tuple(missing), replays=replays)
+    told = set_back(entries)
+    return Ledgered(
+        seals=seals,
+        heads=heads,
+        policy=policy,
+        missing=tuple(missing),
+        backwards=_backwards(entries, told),
+        doubted=_doubted(list(told.values())),
+        replays=replays,
+    )
+
+
+def _backwards(entries: Sequence[Entry], told: Mapping[int, str]) -> dict[str, str]:
+    """Return what the ledger says against the times of runs, by their names."""
+    found: dict[str, str] = {}
+    for entry in entries if told else ():
+        if isinstance(entry, Head | Sealed) and entry.seq in told:
+            found.setdefault(entry.run, told[entry.seq])
+    return found
+
+
+def _doubted(sentences: Sequence[str]) -> str:
+    more = f"; so it is with {len(sentences) - 1} more" if len(sentences) > 1 else ""
+    return f"{sentences[0]}{more}" if sentences else ""
 
 
 def _unsealed(heads: Sequence[Head], packages: Sequence[Package]) -> Iterator[Missing]:

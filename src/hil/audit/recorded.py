@@ -16,7 +16,7 @@ from hil.audit.inputs import Approval, Asked, Filed, Package, Policy, Register, 
 from hil.audit.remembered import CATALOGUE, INSTRUMENTS, UNITS, remember, removed_from
 from hil.evidence.ledger.approvals import Subject, said_of, signers_then
 from hil.evidence.ledger.book import Ledger, append_all, put_object, read, read_object
-from hil.evidence.ledger.entries import Approved, Baseline, Entry, Explained, Reason, Sealed, Signed, Status
+from hil.evidence.ledger.entries import Approved, Baseline, Entry, Explained, Reason, Sealed, Signed, Status, set_back
 from hil.model.errors import EvidenceError, Refused
 from hil.model.identity import Dut
 from hil.registers.instruments import RegisteredInstrument
@@ -271,14 +271,15 @@ def record_subject_of(item: Nonconformance | Waiver, operators: Mapping[str, str
 def approvals_of(
     ledger: Ledger, packages: Iterable[Package], signers: Signers, records: Records
 ) -> tuple[Approval, ...]:
-    """Return every approval of reports and waivers, as these contents are, that counts."""
+    """Return every approval of reports and waivers, as they are now, that counts and whose time can be believed."""
     operators = {name: package.operator for package in packages for name in (package.run, package.folder)}
     every: tuple[Nonconformance | Waiver, ...] = (*records.nonconformances.values(), *records.waivers.values())
     found: list[Approval] = []
+    doubted = set_back(ledger.entries)
     for item in every:
         for each in said_of(ledger, record_subject_of(item, operators), signers):
             it = each.entry
-            if isinstance(it, Approved) and not each.problem:
+            if isinstance(it, Approved) and not each.problem and it.seq not in doubted:
                 found.append(
                     Approval(
                         record=it.run, sha256=it.evidence, role=it.role, principal=it.principal, utc=it.utc, seq=it.seq
@@ -288,20 +289,21 @@ def approvals_of(
 
 
 def policy_of(ledger: Ledger, packages: Iterable[Package], signers: Signers) -> Policy:
-    """Return what the register of signers asks for, and every signature that counts."""
+    """Return what the register of signers asks for, and every signature that counts and whose time can be believed."""
     of_run: dict[str, list[Entry]] = {}
     for entry in ledger.entries:
         if isinstance(entry, Approved | Signed):
             of_run.setdefault(entry.run, []).append(entry)
     kept = [entry for entry in ledger.entries if isinstance(entry, Baseline) and entry.subject == "signers"]
     found: list[tuple[str, str, str]] = []
+    doubted = set_back(ledger.entries)
     for package in packages:
         if package.digest and package.run in of_run:
             subject = Subject(run=package.run, evidence=package.digest, operator=package.operator)
             its = replace(ledger, entries=tuple(sorted((*kept, *of_run[package.run]), key=lambda each: each.seq)))
             for each in said_of(its, subject, signers):
                 role = each.entry.role if isinstance(each.entry, Approved) else ""
-                found += [] if each.problem else [(each.entry.utc, package.digest, role)]
+                found += [] if each.problem or each.entry.seq in doubted else [(each.entry.utc, package.digest, role)]
     return Policy(signatures=signers.required.signature, approvals=signers.required.approvals, said=tuple(found))
 
 

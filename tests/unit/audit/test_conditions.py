@@ -7,13 +7,14 @@ from typing import Any
 
 import msgspec
 import pytest
-from audited import ASKED, DUT, INSTRUMENT, certificate, closed_world, codes, package, result, row, world_of
+from audited import ASKED, DUT, INSTRUMENT, certificate, closed_world, codes, package, result, row, seal_of, world_of
 
 from hil.audit.conditions import Claim, Conditions, of_claim
+from hil.audit.engine import audit
 from hil.audit.inputs import Policy, Register, World
 from hil.audit.ledgered import ledgered
 from hil.audit.remembered import remember
-from hil.evidence.ledger.entries import Baseline, Replayed
+from hil.evidence.ledger.entries import Baseline, Entry, Head, Replayed
 from hil.model.identity import UnitEvent, UnitEventKind
 from hil.registers.instruments import AsFound
 
@@ -100,7 +101,11 @@ WORLDS = {
         "STALE_DUT",
         "FM-7: repair on 2026-07-01: resistor replaced",
     ),
-    "used after its due date": (closed_world(day="2027-03-01"), "STALE_CAL", "its calibration was due on 2027-01-10"),
+    "used after its due date": (
+        replace(closed_world(day="2027-03-01"), date="2027-03-01"),
+        "STALE_CAL",
+        "its calibration was due on 2027-01-10",
+    ),
     "an instrument that was taken out of the register": (
         replace(closed_world(), register=register(instruments={})),
         "STALE_CAL",
@@ -256,3 +261,51 @@ def test_a_certificate_that_was_entered_later_does_not_end_a_doubt():
     instrument = replace(INSTRUMENT, certificates=(*INSTRUMENT.certificates, good, bad))
     world = replace(closed_world(), register=register(instruments={"dmm-1": instrument}))
     assert codes(world) == ["CAL_RETRO"]
+
+
+def set_back_by(days: int, *, run: str = "run-1", kind: str = "seal") -> World:
+    """Return a world with a run that closes, after an entry of the ledger that is some days younger than its seal."""
+    item, before = package(run), package("before", f"2026-06-{1 + days:02}", results={})
+    stamps = {"seq": 3, "utc": item.ended}
+    own: Entry = Head(run=run, events=1, sha256="0" * 64, state="RUNNING", **stamps)
+    late = msgspec.structs.replace(seal_of(item, 4), utc="2026-06-30T00:00:00Z" if kind == "head" else item.ended)
+    return world_of([before, item], [seal_of(before, 2), own, late])
+
+
+@pytest.mark.parametrize("kind", ["seal", "head"])
+def test_a_clock_that_was_set_back_between_two_runs_keeps_open(kind):
+    """The ledger's order is older than any clock: also where the clock was put right again before the seal."""
+    (reason,) = (each for each in row(set_back_by(9, kind=kind)).reasons)
+    assert reason.code == "INTEGRITY"
+    assert reason.text == (
+        "the times of the run cannot be believed: line 4 of the ledger is of 2026-06-01T11:00, and line 3 before it of "
+        "2026-06-10T11:00: a clock was set back, or had been ahead"
+    )
+    assert any("a clock was set back" in each for each in audit(set_back_by(9)).problems)
+
+
+def test_clocks_of_two_computers_that_differ_by_minutes_keep_nothing_open():
+    """Runs go on where the clock is as it should be, and where time has caught up."""
+    item, other = package(), package("before", results={})
+    before = msgspec.structs.replace(seal_of(other, 2), utc="2026-06-01T11:04:59Z")
+    assert codes(world_of([other, item], [before, seal_of(item, 3)])) == []
+    before = msgspec.structs.replace(before, utc="2026-06-01T11:05:01Z")
+    assert codes(world_of([other, item], [before, seal_of(item, 3)])) == ["INTEGRITY"]
+    assert codes(set_back_by(0)) == []
+
+
+@pytest.mark.parametrize("utc", ["", "soon", "2026-06-01T11:00:00"])
+def test_a_seal_without_a_moment_closes_nothing(utc):
+    """Whoever takes the stamp out of a line has gained nothing."""
+    item = package()
+    world = world_of([item], [msgspec.structs.replace(seal_of(item), utc=utc)])
+    assert [each.text.rpartition(": ")[2] for each in row(world).reasons] == [
+        "line 2 of the ledger does not say when it was written"
+    ]
+
+
+def test_evidence_of_a_later_day_than_today_closes_nothing():
+    """A clock that was ahead keeps evidence young, and a certificate valid that is not yet."""
+    (reason,) = row(world_of([package(day="2026-11-23")])).reasons
+    assert reason.text == "the run ended 2026-11-23, which is after 2026-11-22: a clock is wrong"
+    assert codes(world_of([package(day="2026-11-22")])) == []

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import shutil
+from datetime import timedelta
+
 import pytest
 from typed_events import event_of
 
+from hil.clock import wall
 from hil.evidence.folder import JOURNAL
 from hil.evidence.journal.reader import read_journal
 from hil.evidence.journal.writer import Journal
-from hil.evidence.ledger.book import ledger_file, read
+from hil.evidence.ledger.book import append, ledger_file, read
 from hil.evidence.ledger.entries import Head
 from hil.evidence.ledger.heads import require_uncut
 from hil.executive.ending.stop import StopFlags
@@ -108,3 +112,17 @@ def test_a_ledger_that_cannot_be_written_is_told_once_and_stops_nothing(tmp_path
     _, told = ran(tmp_path, *BEGUN, READ, READ, PASSED, {"kind": "stop"}, ledger="a file where a folder is due")
     assert len(told) == 1
     assert told[0].startswith("the ledger does not know how far this run came: ")
+
+
+def test_a_run_is_told_that_the_ledger_has_a_later_time(tmp_path, monkeypatch):
+    """A clock that was set back by 40 days between two runs on hardware; one that differs by a minute is none."""
+    append(tmp_path, Head(run="before", events=1, sha256="0" * 64, state="RUNNING"))
+    now = wall.seconds_of(wall.utc_now())
+    for seconds, live in ((60.0, True), (40 * 86_400.0, False), (40 * 86_400.0, True)):
+        moment = wall.epoch() + timedelta(seconds=now - seconds)
+        monkeypatch.setattr(wall, "utc_now", lambda moment=moment: moment.strftime("%Y-%m-%dT%H:%M:%S.%fZ"))
+        folder, told = ran(tmp_path, *HEAD_OF, live=live)
+        assert len(told) == (live and seconds > 60.0)
+        shutil.rmtree(folder)
+    assert told[0].startswith("CLOCK: the times of this run cannot be believed, and hil audit will not: line 5 of")
+    assert told[0].endswith("a clock was set back, or had been ahead")

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import TypeVar, get_args
 
 import msgspec
 
+from hil.clock import wall
 from hil.documents.canonical import JsonError, parse_strict
 from hil.documents.suggest import did_you_mean
 from hil.evidence.events.codec import convert, quick_canonical
@@ -34,12 +35,18 @@ __all__ = [
     "decode",
     "encode",
     "line_hash",
+    "set_back",
     "stamped",
 ]
 
 FORMAT = 1
 ZERO = "0" * 64
 """What the first line names in place of the line before it."""
+
+_APART_S = 300.0
+"""Clocks of machines that write into one ledger are not further apart, and smaller steps back go unnoticed."""
+
+_TO_MINUTES = len("2026-11-22T10:00")
 
 _OWN = re.compile(rb'"own":"([0-9a-f]{64})",')
 
@@ -277,6 +284,32 @@ def stamped(entry: _Entry, *, seq: int, prev: str, utc: str) -> _Entry:
     return msgspec.structs.replace(placed, own=hashlib.sha256(quick_canonical(placed)).hexdigest())
 
 
+def set_back(entries: Iterable[Entry]) -> dict[int, str]:
+    """Return why the times of entries cannot be believed, a sentence each, by the numbers of the entries.
+
+    An entry that is older than one before it was written by a clock that had been set back, or the one before by a
+    clock that was ahead: nobody can tell. All are told until time has caught up.
+
+    Args:
+        entries: of a ledger, in order.
+    """
+    found: dict[int, str] = {}
+    latest, latest_s = Entry(), 0.0
+    for each in entries:
+        now = _seconds(each)
+        if now is None:
+            found[each.seq] = f"line {each.seq + 1} of the ledger does not say when it was written"
+        elif now >= latest_s:
+            latest, latest_s = each, now
+        elif latest_s - now > _APART_S:
+            then, before = each.utc[:_TO_MINUTES], latest.utc[:_TO_MINUTES]
+            found[each.seq] = (
+                f"line {each.seq + 1} of the ledger is of {then}, and line {latest.seq + 1} before it of {before}: "
+                "a clock was set back, or had been ahead"
+            )
+    return found
+
+
 def encode(entry: Entry) -> bytes:
     """Return the line of a stamped entry, with its newline.
 
@@ -306,6 +339,14 @@ def decode(line: bytes) -> Entry:
     if quick_canonical(entry) != text or hashlib.sha256(_OWN.sub(b"", text, count=1)).hexdigest() != entry.own:
         raise JsonError("the line was changed: its own hash is another one")
     return entry
+
+
+def _seconds(entry: Entry) -> float | None:
+    """Return when an entry was written in s since 1970, None where it does not say so."""
+    try:
+        return wall.seconds_of(entry.utc)
+    except ValueError:
+        return None
 
 
 def _told(text: bytes) -> Entry:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from hil.evidence.ledger.book import Ledger, append_once, ledger_file, read
-from hil.evidence.ledger.entries import ZERO, Replayed, Sealed
+from hil.evidence.ledger.entries import ZERO, Replayed, Sealed, set_back
 from hil.model.errors import EvidenceError, Finding
 
 __all__ = ["Known", "Seals", "enter", "enter_replay", "known"]
@@ -103,7 +103,8 @@ def known(ledger: Ledger, *, run: str, folder: str, evidence: str, before: str =
     if findings:
         return Known(entry=entry, findings=tuple(findings), told=findings[0].message, sure=False)
     if entry:
-        return Known(entry=entry, told=f"line {entry.seq + 1}, sealed {entry.utc}")
+        why = set_back(ledger.entries[: entry.seq + 1]).get(entry.seq, "")
+        return Known(entry=entry, told=f"line {entry.seq + 1}, sealed {entry.utc}{why and f'; {why}'}")
     if ledger.findings:
         return Known(told=f"DAMAGED, and has no entry of this package: {ledger.findings[0]}", sure=False)
     return Known(told=_unknown(ledger, before))

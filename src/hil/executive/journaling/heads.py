@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import ClassVar
 
 from hil.clock import wall
 from hil.evidence import events
 from hil.evidence.journal.writer import Journal
-from hil.evidence.ledger.book import append
-from hil.evidence.ledger.entries import Head
+from hil.evidence.ledger.book import append, read
+from hil.evidence.ledger.entries import Head, set_back
 from hil.model.errors import EvidenceError
 from hil.model.verdict import Verdict
 
@@ -70,6 +71,8 @@ class Heads:
             return
         if isinstance(event, events.Planned | events.Stop):
             self._enter(event)
+            if isinstance(event, events.Planned) and self._all:
+                self._tell_of_clock()
         elif self._all and self._counts(event):
             patient = isinstance(event, events.Check) and event.verdict in {Verdict.PASS, Verdict.RECORDED}
             if patient and wall.monotonic() - self._last < _APART_S:
@@ -91,6 +94,13 @@ class Heads:
                 first, self._learnt = learns and not self._learnt, self._learnt or learns
                 return first
         return True
+
+    def _tell_of_clock(self) -> None:
+        """Tell where the ledger already has an entry of a later time: no run then closes anything."""
+        with suppress(EvidenceError):  # which the entry before has told
+            ledger = read(self._folder.parent)
+            if ledger.entries and (why := set_back(ledger.entries).get(ledger.entries[-1].seq)):
+                self._tell(f"CLOCK: the times of this run cannot be believed, and hil audit will not: {why}")
 
     def _enter(self, event: events.Event) -> None:
         state = "INTERRUPTED" if isinstance(event, events.Stop) else "RUNNING"
