@@ -73,7 +73,7 @@ def pytest_terminal_summary(terminalreporter, config):
     """Show what things cost."""
     for what, ours, theirs in config.stash.get(PAIRS, []):
         terminalreporter.section("pairs, measured in turns")
-        terminalreporter.write_line(f"{what:<58} {ours * 1e6:.1f} us / {theirs * 1e6:.1f} us = {ours / theirs:.2f}")
+        terminalreporter.write_line(f"{what:<58} {ours * 1e6:.4g} us / {theirs * 1e6:.4g} us = {ours / theirs:.2f}")
     if not config.stash.get(COSTS, []):
         return
     terminalreporter.section("what things cost, in turns of a plain Python loop")

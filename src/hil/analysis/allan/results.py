@@ -29,11 +29,12 @@ class AllanCurve:
         tau: averaging times in seconds.
         deviation: deviations, those of the total estimator without their known bias.
         m: averaging factors in samples.
-        terms: how many differences of averages were averaged.
+        terms: how many differences of averages the record holds, each of which was averaged unless `starts` says less.
         edf: equivalent degrees of freedom.
         low: lower ends of the confidence intervals.
         high: upper ends of the confidence intervals.
         alpha: noise types, from 2 (white angle) over 0 (white rate) to -2 (random walk of the rate).
+        starts: how many of the differences that begin within one averaging time were averaged, 0 for all of them.
     """
 
     estimator: str
@@ -50,6 +51,7 @@ class AllanCurve:
     low: _Array
     high: _Array
     alpha: NDArray[np.int64]
+    starts: int = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -83,6 +83,7 @@ def _axis(axis: Axis) -> dict[str, object]:
         "name": axis.name,
         "unit": curve.unit,
         "estimator": curve.estimator,
+        "starts": curve.starts,
         "rate": curve.rate,
         "samples": curve.samples,
         "missing": curve.missing,
@@ -156,8 +157,10 @@ def called(name: str) -> str:
 
 def _title(axis: Axis) -> str:
     curve = axis.curve
+    starts = f", from {curve.starts} starts in each tau" if curve.starts else ""
     return (
-        f"{called(axis.name)}: {NAMES[curve.estimator]} deviation in {curve.unit}, intervals at {curve.confidence:.4g}"
+        f"{called(axis.name)}: {NAMES[curve.estimator]} deviation in {curve.unit}, "
+        f"intervals at {curve.confidence:.4g}{starts}"
     )
 
 
