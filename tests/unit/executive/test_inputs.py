@@ -158,4 +158,4 @@ def test_code_of_a_file_is_in_the_workspace_or_installed(run, inputs, place):
     assert place / "testplans/load/lib/x.py" in inputs.used
     with pytest.raises(CodeFromOutside, match=r"x\.py is neither in the workspace nor installed"):
         run(LOADS, path=place.parent / "x.py")
-    run("import fractions; fractions.__spec__.loader.exec_module(fractions)")
+    run("import colorsys; colorsys.__spec__.loader.exec_module(colorsys)")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import fcntl
 import json
 import os
+import subprocess
 import sys
 
 import pytest
@@ -28,6 +29,23 @@ def python(code: str) -> list[str]:
     return [sys.executable, "-I", "-c", code]
 
 
+@pytest.fixture(autouse=True)
+def started(monkeypatch):
+    """Return the processes that a test starts, and look at its end whether each was reaped."""
+    found = []
+    start = subprocess.Popen
+
+    def note(*arguments, **options):
+        found.append(process := start(*arguments, **options))
+        return process
+
+    monkeypatch.setattr("hil.executive.people.notifying.subprocess.Popen", note)
+    yield found
+    for process in found:
+        with pytest.raises(ChildProcessError):
+            os.waitpid(process.pid, os.WNOHANG)
+
+
 def notified(place, command, *events, limit_s=10.0, code=0):
     """Return what was written at the end of a run with these events, and a tick after each."""
     written = Written()
@@ -37,8 +55,6 @@ def notified(place, command, *events, limit_s=10.0, code=0):
         notifier(event_of(**event))
         notifier.tick()
     notifier.finish(code)
-    with pytest.raises(ChildProcessError):  # nothing is left to be reaped
-        os.waitpid(-1, os.WNOHANG)
     return [(item["kind"], item["event"], item.get("reason")) for item in written.events]
 
 
