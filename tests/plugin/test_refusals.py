@@ -9,7 +9,7 @@ import textwrap
 import pytest
 from workspaces import HEAD, ROOT, make
 
-from hil.model.errors import ConfigurationError, HilError, Refused
+from hil.model.errors import ConfigurationError, HilError, NoReply, Refused
 from hil.model.identity import Source
 
 GOOD = """
@@ -548,4 +548,32 @@ def test_missing_ports_leave_no_run_behind(tmp_path):
     said = refused(tmp_path, GOOD, kind=HilError, dut="ADCS-FM-1", source=Source.HARDWARE, epoch="2026-01-01T00:00:00Z")
     assert "if00-port0 is not there; " in said
     assert "; plug the boards in as the bench file says" in said
+    assert not (tmp_path / "workspace/reports/.ledger").exists()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="hardware is driven on Linux only")
+@pytest.mark.parametrize(
+    ("port", "why"),
+    [("TCPIP::127.0.0.1::1::SOCKET", "Connection refused"), ("/dev/serial/by-id/usb-x", "it does not exist")],
+    ids=["network", "serial"],
+)
+def test_a_port_that_cannot_be_opened_leaves_no_run_behind(tmp_path, monkeypatch, port, why):
+    """The boards are where they should be; one of them is in use, switched off, or does not take the connection."""
+    monkeypatch.setattr("hil.bench.live._strangers", lambda _: {})
+    monkeypatch.setattr("hil.bench.live._closed_buses", lambda _: ())
+
+    def elsewhere(workspace):
+        workspace.change_bench({"TCPIP::192.168.10.21::5025::SOCKET": port})
+
+    said = refused(
+        tmp_path,
+        GOOD,
+        kind=NoReply,
+        prepare=elsewhere,
+        dut="ADCS-FM-1",
+        source=Source.HARDWARE,
+        epoch="2026-01-01T00:00:00Z",
+    )
+    assert said.startswith("psu1: ")
+    assert f" cannot be opened: {why}" in said
     assert not (tmp_path / "workspace/reports/.ledger").exists()

@@ -30,7 +30,7 @@ from hil.wire.transcript import Transcript
 if TYPE_CHECKING:
     from hil.wire.live_stream import LiveStream
 
-__all__ = ["Reach", "bind_live", "bind_live_again", "reach_of_hardware", "reach_of_served", "require_boards"]
+__all__ = ["Opened", "Reach", "bind_live", "bind_live_again", "reach_of_hardware", "reach_of_served", "require_boards"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,27 +86,52 @@ def reach_of_served(spec: BenchSpec, folder: Path) -> Reach:
     return Reach(source=Source.SIMULATED, ports=ports, served=folder, speed=speed)
 
 
-def bind_live(
-    spec: BenchSpec, reach: Reach, epoch: str, transcript: Transcript, *, by_force: bool = False
-) -> BoundBench:
-    """Open every port of a bench outside this process; nothing is sent.
+class Opened:
+    """Every port of a bench outside this process, open; nothing is sent.
 
     Args:
         spec: the bench file.
         reach: where it is.
-        epoch: UTC of the bench's time zero, ISO 8601.
-        transcript: where every operation is noted.
         by_force: opens what it can, also beside another process; the others' instruments do not answer.
 
     Raises:
         WrongPort: if a serial port is not that of the board that the bench file names.
         NoReply: if a port cannot be opened.
     """
+
+    def __init__(self, spec: BenchSpec, reach: Reach, *, by_force: bool = False) -> None:
+        self.brake = Brake()
+        self._ends: dict[str, Any] = _open(spec, reach, self.brake, by_force=by_force)
+
+    def take(self) -> dict[str, Any]:
+        """Return the ports, which whoever takes them closes."""
+        ends, self._ends = self._ends, {}
+        return ends
+
+    def close(self) -> None:
+        """Close what nobody has taken."""
+        _close(self.take())
+
+
+def bind_live(
+    spec: BenchSpec, reach: Reach, epoch: str, transcript: Transcript, opened: Opened | None = None
+) -> BoundBench:
+    """Build a bench on its ports outside this process; nothing is sent.
+
+    Args:
+        spec: the bench file.
+        reach: where it is.
+        epoch: UTC of the bench's time zero, ISO 8601.
+        transcript: where every operation is noted.
+        opened: its ports; opened here where they are not given.
+
+    Raises:
+        WrongPort, NoReply: see `Opened`.
+    """
     clock = LiveClock(epoch, speed=reach.speed)
-    ends: dict[str, Any] = {}
-    brake = Brake()
+    opened = opened or Opened(spec, reach)
+    ends = opened.take()
     try:
-        ends |= _open(spec, reach, brake, by_force=by_force)
         for name, end in ends.items():
             publish = publish_bus if name in reach.buses else publish_stream
             publish(url_of(reach.source, spec, name), end)
@@ -115,7 +140,7 @@ def bind_live(
         _close(ends)
         raise
     bench.descriptors, bench.where, bench.speed = _descriptors(ends, reach), reach.ports, reach.speed
-    bench.brake = brake
+    bench.brake = opened.brake
     clock.begin()
     return bench
 

@@ -14,7 +14,7 @@ from hil.bench.bound import BoundBench
 from hil.bench.file.reading import load_bench
 from hil.bench.gate import Gate
 from hil.bench.lease import Lease, refuse_latched
-from hil.bench.live import bind_live
+from hil.bench.live import Opened, bind_live
 from hil.bench.port_identity import WrongPort, strangers_on_network
 from hil.bench.safe_off import SafeResult, make_safe, watch_after
 from hil.bench.serving import ServedEnds, served
@@ -304,7 +304,8 @@ def _visit(
         else:
             if driven:
                 refuse_latched(leases)
-            bench = bind_live(spec, reach, wall.utc_now(), Transcript(None), by_force=by_force is not None)
+            opened = Opened(spec, reach, by_force=by_force is not None)
+            bench = bind_live(spec, reach, wall.utc_now(), Transcript(None), opened)
         stack.callback(bench.close)
         yield _Visit(find_workspace(start), bench, lease, leases)
 

@@ -7,11 +7,11 @@ from functools import partial
 
 from hil.bench.binding import bind_resumed, bind_simulated
 from hil.bench.bound import BoundBench
-from hil.bench.live import bind_live, bind_live_again, require_boards
+from hil.bench.live import Opened, bind_live, bind_live_again, require_boards
 from hil.evidence.folder import TRANSCRIPT
 from hil.executive.journaling.events import Caller
 from hil.executive.people.answers import Answered
-from hil.executive.resuming.beginnings import ResumedRun
+from hil.executive.resuming.beginnings import NewRun, ResumedRun
 from hil.executive.resuming.earlier import Earlier
 from hil.executive.resuming.preconditions import require_same_cases
 from hil.executive.session import Session, Spectator
@@ -42,19 +42,25 @@ def open_new(
 
     Raises:
         WrongPort: if a board is not where the bench file says; there is no folder of a run then.
+        NoReply: if a port cannot be opened; neither is there.
     """
     if (reach := configuration.reach) is not None:
         require_boards(configuration.bench, reach)
     answers = answers_of(configuration.request, configuration.workspace.shown)
-    return Session(
-        configuration,
-        planned,
-        binder=lambda transcript, _where: _bind(configuration, transcript),
-        answers=answers,
-        leases=_leases(configuration) if alone else [],
-        spectators=spectators,
-        caller=caller,
-    )
+    ports = _Ports(configuration)
+    try:
+        return Session(
+            configuration,
+            planned,
+            binder=ports.bind,
+            answers=answers,
+            leases=_leases(configuration) if alone else [],
+            spectators=spectators,
+            caller=caller,
+            beginning=NewRun(ports.open),
+        )
+    finally:
+        ports.close()
 
 
 def open_resumed(
@@ -86,10 +92,29 @@ def open_resumed(
     )
 
 
-def _bind(configuration: Configuration, transcript: Transcript) -> BoundBench:
-    if (reach := configuration.reach) is not None:
-        return bind_live(configuration.bench, reach, configuration.epoch, transcript)
-    return bind_simulated(configuration.bench, transcript)
+class _Ports:
+    """The ports of a new run's bench, which are opened before the run has a folder, and bound once it has one."""
+
+    def __init__(self, configuration: Configuration) -> None:
+        self._configuration = configuration
+        self._opened: Opened | None = None
+
+    def open(self) -> None:
+        """Open those of a bench outside this process; see `Opened`."""
+        if (reach := self._configuration.reach) is not None:
+            self._opened = Opened(self._configuration.bench, reach)
+
+    def bind(self, transcript: Transcript, _where: Callable[[], str]) -> BoundBench:
+        """Build the bench."""
+        configuration = self._configuration
+        if (reach := configuration.reach) is not None:
+            return bind_live(configuration.bench, reach, configuration.epoch, transcript, self._opened)
+        return bind_simulated(configuration.bench, transcript)
+
+    def close(self) -> None:
+        """Close those that were not bound."""
+        if self._opened is not None:
+            self._opened.close()
 
 
 def _bind_again(

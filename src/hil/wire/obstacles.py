@@ -6,6 +6,7 @@ import errno
 import getpass
 import grp
 import os
+import re
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -16,6 +17,8 @@ _DEVICES = Path("/dev")
 _ELSE = "check cable, power and the bench file"
 _FAMILIES = ("ttyUSB", "ttyACM", "ttyAMA", "ttyS", "ttyO", "usbtmc", "i2c-")
 _MOST_SHOWN = 8
+_SAID = re.compile(r"^Could not open port .+?: (?:\[Errno \d+\] )?")
+"""What pyserial puts before the reason."""
 
 
 def obstacle(path: str, error: Exception, processes: Path = Path("/proc")) -> tuple[str, str]:
@@ -28,7 +31,7 @@ def obstacle(path: str, error: Exception, processes: Path = Path("/proc")) -> tu
     """
     number = getattr(error, "errno", None)
     if not path.startswith("/"):
-        return str(getattr(error, "strerror", None) or error), _ELSE
+        return getattr(error, "strerror", None) or _SAID.sub("", str(error)), _ELSE
     if number == errno.EACCES:
         return _no_permission(path)
     if number in {errno.EBUSY, errno.EWOULDBLOCK}:

@@ -11,7 +11,7 @@ from unittest.mock import Mock
 import pytest
 
 from hil.bench.file.reading import load_bench
-from hil.bench.live import Reach, bind_live, reach_of_hardware, require_boards
+from hil.bench.live import Opened, Reach, bind_live, reach_of_hardware, require_boards
 from hil.bench.port_identity import WrongPort, port_gates
 from hil.model.bench import UsbPort
 from hil.model.errors import NoReply, Refused
@@ -58,7 +58,8 @@ def bind(monkeypatch, changes, **options):
     """Bind the battery bench on hardware, with these boards in place of its own."""
     boards = [Listed(port, serial) for port, serial in {**SERIALS, **changes}.items()]
     monkeypatch.setattr("serial.tools.list_ports.comports", lambda: boards)
-    return bind_live(SPEC, reach_of_hardware(SPEC), "2026-01-01T00:00:00Z", Transcript(None), **options)
+    reach = reach_of_hardware(SPEC)
+    return bind_live(SPEC, reach, "2026-01-01T00:00:00Z", Transcript(None), Opened(SPEC, reach, **options))
 
 
 @pytest.mark.parametrize("port", sorted(SERIALS))

@@ -53,6 +53,9 @@ _ANSWERED = frozenset({"asks"})
 class NewRun:
     """A run that nothing came before.
 
+    Args:
+        prepare: what has to succeed before there is a folder, once the run holds its leases.
+
     Attributes:
         resumes: whether its folder holds what an interrupted run wrote down.
         earlier: that run, None if there is none.
@@ -71,12 +74,16 @@ class NewRun:
     recall: Recall | None = None
     void_rows: VoidRows | None = None
 
+    def __init__(self, prepare: Callable[[], None] = lambda: None) -> None:
+        self._prepare = prepare
+
     def require_space(self, configuration: Configuration) -> None:
         """Require space for what the run will write."""
         require_space(configuration.reports, _LEAST_SPACE)
 
     def open_folder(self, configuration: Configuration) -> Path:
-        """Make the run's folder."""
+        """Make the run's folder, if it can be prepared: a run that was refused before leaves none."""
+        self._prepare()
         return create(configuration.reports, bench=configuration.bench.name, dut=configuration.dut.serial)
 
     def take_over(self, folder: Path) -> None:
@@ -100,6 +107,7 @@ class ReplayedRun(NewRun):
     """
 
     def __init__(self, package: Package) -> None:
+        super().__init__()
         self._package = package
         self.recall = Recall(package.of(events.Effect), _ANSWERED)
         self.entries = entries(package.of(events.Resumed))
