@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
+from types import MappingProxyType
 from typing import TextIO
 
 import numpy as np
@@ -17,7 +18,7 @@ from hil.documents.suggest import did_you_mean
 from hil.logs.clocks import Clock
 from hil.model.errors import Refused
 
-__all__ = ["COMMENT_MARKS", "Layout", "Table", "read", "recognise"]
+__all__ = ["COMMENT_MARKS", "Layout", "Reading", "Table", "read", "recognise"]
 
 COMMENT_MARKS = ("#", "%", "//")
 """A line that begins with one of these holds no row; above the first row it may hold the columns' names."""
@@ -74,15 +75,14 @@ def recognise(lines: Sequence[str]) -> Layout | None:
 
 
 def _placed(lines: Sequence[str], rows: Sequence[str], guess: Layout) -> Layout | None:
-    """Find the first row, and the names in the last written line above it."""
+    """Find the first row, and the names in the last line above it that has one for each column, each another."""
     counts = Counter(len(guess.cells(line)) for line in rows)
     width = counts.most_common(1)[0][0]
-    above: list[str] = []
+    names: tuple[str, ...] = ()
     for place, line in enumerate(lines):
         cells = guess.cells(line)
         comment = line.lstrip().startswith(COMMENT_MARKS)
         if not comment and len(cells) == width and any(guess.number(cell) is not None for cell in cells):
-            names = tuple(above) if len(above) == width and len(set(above)) == width else ()
             return Layout(
                 separator=guess.separator,
                 decimal=guess.decimal,
@@ -91,12 +91,14 @@ def _placed(lines: Sequence[str], rows: Sequence[str], guess: Layout) -> Layout 
                 first=place + 1,
                 quoted='"' in line,
             )
-        if line.strip():
-            above = guess.cells(line.strip().lstrip("#%/ ")) if comment else cells
+        above = guess.cells(line.strip().lstrip("#%/ ")) if comment else cells
+        if len(above) == width and len(set(above)) == width:
+            names = tuple(above)
     return None
 
 
 _CLOCK = re.compile(r"\d:\d\d")
+_AS_TIMES = "write times as seconds, hh:mm:ss.sss, or 2026-01-31T23:59:59.9"
 _SAMPLE = 400  # lines from which the layout is recognised
 _MARKS = tuple({mark[0] for mark in COMMENT_MARKS})
 
@@ -109,14 +111,41 @@ class Table:
         names: the columns' names, or their numbers counted from 1 where the table names none.
         values: shape (rows, columns), in the order in which the columns were asked for.
         remarks: what was left out, in sentences.
+        clocked: whether the first column was read as times of a clock, so that it is in s.
     """
 
     names: tuple[str, ...]
     values: NDArray[np.float64]
     remarks: tuple[str, ...]
+    clocked: bool = False
 
 
-def read(path: Path, columns: Sequence[str] = (), *, first: str = "", clock: bool = False) -> Table:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reading:
+    """How a column is read that does not hold plain numbers.
+
+    Attributes:
+        number: returns the number that a cell stands for; raises ValueError where it stands for none.
+        what: what a cell should be, for errors.
+        hint: what to do about a cell that is not.
+    """
+
+    number: Callable[[str], float]
+    what: str
+    hint: str
+
+
+_NONE: Mapping[str, Reading] = MappingProxyType({})
+
+
+def read(
+    path: Path,
+    columns: Sequence[str] = (),
+    *,
+    first: str = "",
+    clock: bool = False,
+    readings: Mapping[str, Reading] = _NONE,
+) -> Table:
     """Read columns of numbers from a text table.
 
     Cells stand between tabs, semicolons, commas or white space; the decimal sign is a point, or a comma where cells
@@ -129,6 +158,7 @@ def read(path: Path, columns: Sequence[str] = (), *, first: str = "", clock: boo
         first: a column to put before them, by number or name.
         clock: whether `first` holds times, which may also be `hh:mm:ss.sss`, `3 days 04:05:06` or ISO 8601; these are
             read as seconds, dates from midnight of the first one.
+        readings: by column, how its cells are read where they are not plain numbers.
 
     Raises:
         Refused: no such file, no table, no such column, a row with more or fewer cells, a cell that is no number.
@@ -142,7 +172,10 @@ def read(path: Path, columns: Sequence[str] = (), *, first: str = "", clock: boo
         leading = [_place(path, layout, first)] if first else []
         chosen = [_place(path, layout, column) for column in columns]
         others = chosen or [each for each in range(layout.width) if each not in leading]
-        return _rows(path, layout, leading + others, clock=leading[0] if leading and clock else None)
+        special = {_place(path, layout, column): reading for column, reading in readings.items()}
+        if leading and clock and not _starts_with_number(path, layout, leading[0]):
+            special[leading[0]] = Reading(number=Clock(), what="time", hint=_AS_TIMES)
+        return _rows(path, layout, leading + others, special, clocked=bool(leading) and leading[0] in special)
     except OSError as error:
         raise Refused(f"{path}: {error.strerror}", "name a text table that can be read") from None
 
@@ -168,11 +201,10 @@ def _place(path: Path, layout: Layout, column: str) -> int:
     )
 
 
-def _rows(path: Path, layout: Layout, chosen: list[int], clock: int | None) -> Table:
+def _rows(path: Path, layout: Layout, chosen: list[int], special: Mapping[int, Reading], *, clocked: bool) -> Table:
     remarks: list[str] = []
-    times = None if clock is None or _starts_with_number(path, layout, clock) else clock
     with path.open(encoding="utf-8-sig", errors="replace") as file:
-        lines = _whole(path, layout, chosen, file, remarks, times)
+        lines = _whole(path, layout, chosen, file, remarks, special)
         try:
             values = np.loadtxt(
                 lines,
@@ -181,12 +213,12 @@ def _rows(path: Path, layout: Layout, chosen: list[int], clock: int | None) -> T
                 ndmin=2,
                 comments=None,
                 quotechar='"' if layout.quoted else None,
-                converters=None if times is None else {times: Clock()},
+                converters={place: reading.number for place, reading in special.items()} or None,
             )
         except ValueError as error:
-            raise _located(path, layout, chosen, error, times) from None
+            raise _located(path, layout, chosen, error, special) from None
     names = tuple(layout.names[place] if layout.names else str(place + 1) for place in chosen)
-    return Table(names=names, values=values, remarks=tuple(remarks))
+    return Table(names=names, values=values, remarks=tuple(remarks), clocked=clocked)
 
 
 def _starts_with_number(path: Path, layout: Layout, place: int) -> bool:
@@ -196,14 +228,14 @@ def _starts_with_number(path: Path, layout: Layout, place: int) -> bool:
 
 
 def _whole(
-    path: Path, layout: Layout, chosen: list[int], file: TextIO, remarks: list[str], times: int | None
+    path: Path, layout: Layout, chosen: list[int], file: TextIO, remarks: list[str], special: Mapping[int, Reading]
 ) -> Iterator[str]:
     """Yield the rows as lines with decimal points; refuse the first with another number of cells."""
     for number, raw in enumerate(islice(file, layout.first - 1, None), start=layout.first):
         line = raw.replace(",", ".") if layout.decimal == "," else raw
         if line.isspace() or (line.lstrip().startswith(COMMENT_MARKS) if line[0] in _MARKS else False):
             continue
-        if line[-1] != "\n" and not _is_row(layout, chosen, raw, times):
+        if line[-1] != "\n" and not _is_row(layout, chosen, raw, special):
             remarks.append(f"line {number}, the last, is torn off and left out")
             return
         count = len(line.split()) if layout.separator is None else line.count(layout.separator) + 1
@@ -215,22 +247,24 @@ def _whole(
         yield line
 
 
-def _is_row(layout: Layout, chosen: list[int], line: str, times: int | None) -> bool:
+def _is_row(layout: Layout, chosen: list[int], line: str, special: Mapping[int, Reading]) -> bool:
     cells = layout.cells(line)
-    return len(cells) == layout.width and all(_is_read(layout, cells[each], clock=each == times) for each in chosen)
+    return len(cells) == layout.width and all(_is_read(layout, cells[each], special.get(each)) for each in chosen)
 
 
-def _is_read(layout: Layout, cell: str, *, clock: bool) -> bool:
-    if not clock:
+def _is_read(layout: Layout, cell: str, special: Reading | None) -> bool:
+    if special is None:
         return layout.number(cell) is not None
     try:
-        Clock()(cell)
+        special.number(cell)
     except ValueError:
         return False
     return True
 
 
-def _located(path: Path, layout: Layout, chosen: list[int], error: ValueError, times: int | None) -> Refused:
+def _located(
+    path: Path, layout: Layout, chosen: list[int], error: ValueError, special: Mapping[int, Reading]
+) -> Refused:
     """Find the first cell that is no number; only a table with such a cell is read twice."""
     with path.open(encoding="utf-8-sig", errors="replace") as file:
         for number, line in enumerate(file, start=1):
@@ -238,14 +272,13 @@ def _located(path: Path, layout: Layout, chosen: list[int], error: ValueError, t
                 continue
             cells = layout.cells(line)
             for place in chosen:
-                if place < len(cells) and not _is_read(layout, cells[place], clock=place == times):
+                if place < len(cells) and not _is_read(layout, cells[place], special.get(place)):
                     column = _position(layout, line, place)
+                    usual = _AS_TIMES if _CLOCK.search(cells[place]) else "mend or remove the line, or choose other columns"
+                    wanted = special.get(place) or Reading(number=float, what="number", hint=usual)
                     return Refused(
-                        f"{path}:{number}:{column}: '{cells[place]}' in column {place + 1} is not a "
-                        + ("time" if place == times else "number"),
-                        "write times as seconds, hh:mm:ss.sss, or 2026-01-31T23:59:59.9"
-                        if place == times or _CLOCK.search(cells[place])
-                        else "mend or remove the line, or choose other columns",
+                        f"{path}:{number}:{column}: '{cells[place]}' in column {place + 1} is not a {wanted.what}",
+                        wanted.hint,
                     )
     return Refused(f"{path}: {error}", "mend the table")
 
