@@ -38,6 +38,8 @@ class BatteryLog:
         stretch: number of the stretch that each row belongs to, None where the log is one; between two stretches the
             time is not known.
         remarks: what was left out or mended, in sentences.
+        contradicted: rows, counted from 0, whose current has not the direction that their state says, or flows in a
+            rest; None where no state was logged.
     """
 
     maker: str
@@ -54,6 +56,7 @@ class BatteryLog:
     test: NDArray[np.int64] | None = None
     stretch: NDArray[np.int64] | None = None
     remarks: tuple[str, ...] = ()
+    contradicted: NDArray[np.int64] | None = None
 
 
 def lines_of(path: Path) -> list[str]:

@@ -68,7 +68,8 @@ def recognise(lines: Sequence[str]) -> Layout | None:
         guess = Layout(separator=separator, decimal=decimal, width=0, names=(), first=0, quoted=False)
         rows = [guess.cells(line) for line in written[-_LOOKED_AT:]]
         numbers = sum(guess.number(cell) is not None for row in rows for cell in row)
-        score = (numbers / max(1, sum(map(len, rows))), float(numbers))
+        # A separator at the end of a row makes an empty cell, which speaks against no separator.
+        score = (numbers / max(1, sum(len(row) - (row[-1:] == [""]) for row in rows)), float(numbers))
         if numbers and (best is None or score > best[:2]):
             best = (*score, guess)
     return _placed(lines, written[-_LOOKED_AT:], best[2]) if best else None
@@ -274,7 +275,9 @@ def _located(
             for place in chosen:
                 if place < len(cells) and not _is_read(layout, cells[place], special.get(place)):
                     column = _position(layout, line, place)
-                    usual = _AS_TIMES if _CLOCK.search(cells[place]) else "mend or remove the line, or choose other columns"
+                    usual = (
+                        _AS_TIMES if _CLOCK.search(cells[place]) else "mend or remove the line, or choose other columns"
+                    )
                     wanted = special.get(place) or Reading(number=float, what="number", hint=usual)
                     return Refused(
                         f"{path}:{number}:{column}: '{cells[place]}' in column {place + 1} is not a {wanted.what}",

@@ -166,8 +166,8 @@ def test_refusals_of_the_samples_name_the_file(tmp_path):
     for text, told in (
         ("0,3.7,0.7\n", "1 whole sample is too few"),
         ("0,3.7,0.7\n5,3.7,0.7\n", "2 whole samples are too few"),
-        ("0,3.7,0.7\n5,3.7,0.7\n4,3.7,0.7\n", "the time goes back once, first after 5 s"),
-        ("5,3.7,0.7\n4,3.7,0.7\n3,3.7,0.7\n", "the time goes back 2 times, first after 5 s"),
+        ("0,3.7,0.7\n5,3.7,0.7\n4,3.7,0.7\n", "the time, column t, goes back once, first at row 3, from 5 to 4"),
+        ("5,3.7,0.7\n4,3.7,0.7\n3,3.7,0.7\n", "the time, column t, goes back 2 times, first at row 2, from 5 to 4"),
     ):
         path.write_text("t,U,I\n" + text, encoding="utf-8")
         with pytest.raises(Refused, match=rf"few\.csv: {told}"):

@@ -37,6 +37,7 @@ class Declared:
         energetic: between which energy efficiencies lie.
         nominal: between which ratios of measured to nominal lie.
         elapsed: relative difference of cycles times duration and elapsed time that is accepted.
+        runs: whether the log is known to consist of runs with unknown times between them.
     """
 
     capacity: float | None = None
@@ -49,6 +50,7 @@ class Declared:
     energetic: tuple[float, float] = (0.85, 0.97)
     nominal: tuple[float, float] = (0.8, 1.15)
     elapsed: float = 0.05
+    runs: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -13,7 +13,7 @@ from hil.analysis.battery.series import Series, can_be_warm
 from hil.analysis.battery.steps import Step
 from hil.analysis.gates import Gate
 
-__all__ = ["judge_singles"]
+__all__ = ["judge_singles", "judge_states"]
 
 _COULOMBIC = (0.95, 1.02)  # of one cycle; wider than that of the median
 _OWN = 0.01  # share by which trapezoid and the instrument's own energy may differ
@@ -26,7 +26,7 @@ _NAMED = 3  # of those that are doubted, the first
 
 
 def judge_singles(
-    data: Series, steps: Sequence[Step], made: Sequence[Cycle], *, capacity: float | None = None
+    data: Series, steps: Sequence[Step], made: Sequence[Cycle], *, capacity: float | None = None, runs: bool = False
 ) -> tuple[Gate, ...]:
     """Return the gates on single rows, half-cycles and cycles.
 
@@ -35,8 +35,9 @@ def judge_singles(
         steps: from `segment`.
         made: from `cycles`.
         capacity: nominal, in Ah; None if it is not known.
+        runs: whether the log is said to consist of runs.
     """
-    return (_one_stretch(data), _coulombic(made), _own_energy(made), *_rows(data, steps, made, capacity))
+    return (_one_stretch(data, runs=runs), _coulombic(made), _own_energy(made), *_rows(data, steps, made, capacity))
 
 
 def _rows(data: Series, steps: Sequence[Step], made: Sequence[Cycle], capacity: float | None) -> Iterator[Gate]:
@@ -50,7 +51,22 @@ def _rows(data: Series, steps: Sequence[Step], made: Sequence[Cycle], capacity: 
     yield _gate("current_unit", usual <= _MOST, f"{usual:.3g} A, expected at most {_MOST:g} A{advice}")
 
 
-def _one_stretch(data: Series) -> Gate:
+def judge_states(rows: NDArray[np.int64] | None) -> Gate:
+    """Return whether the current flows as the state of its row says.
+
+    Args:
+        rows: of the log, counted from 0, where it does not; None if no state was logged.
+    """
+    if rows is None:
+        return _gate("state", None, "not judged: no state was logged")
+    if not rows.size:
+        return _gate("state", True, "no current against its state")
+    told = "1 row has" if rows.size == 1 else f"{rows.size} rows have"
+    found = f"{told} a current that flows in a rest or against its state, first row {rows[0] + 1}"
+    return _gate("state", False, f"{found}: check the lists of `states:` and --discharge-positive")
+
+
+def _one_stretch(data: Series, *, runs: bool) -> Gate:
     if data.stretch is None:
         return _gate("one_stretch", None, "not judged: the log does not show where it starts again")
     breaks = int(data.broken.sum())
@@ -58,6 +74,8 @@ def _one_stretch(data: Series) -> Gate:
         return _gate("one_stretch", True, "the log has no break")
     places = "1 place" if breaks == 1 else f"{breaks} places"
     found = f"the log starts again at {places}, after an unknown time"
+    if runs:
+        return _gate("one_stretch", True, f"{found}, as was said of it")
     return _gate("one_stretch", False, f"{found}: the fade counts no time there")
 
 

@@ -84,7 +84,7 @@ def summarise(
         upper=limits.upper if declared.upper is None else declared.upper,
         lower=limits.lower if declared.lower is None else declared.lower,
     )
-    singles = judge_singles(data, segment(data, how), made, capacity=declared.capacity)
+    singles = judge_singles(data, segment(data, how), made, capacity=declared.capacity, runs=declared.runs)
     return Summary(cycles=made, fades=_fades(made, skip, remaining), gates=(*judge(numbers, facts), *singles))
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -13,23 +13,19 @@ from hil.cli.analyses.log import time_unit_option
 from hil.model.errors import Refused
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from hil.analysis.battery.half_cycle import Limits
     from hil.analysis.battery.series import Series
     from hil.analysis.battery.steps import Segmentation
     from hil.analysis.battery.summary import Summary
     from hil.logs.battery import BatteryLog
+    from hil.logs.mapping import Mapped, Mapping
 
 __all__ = ["battery"]
 
-
-class _Mapping(NamedTuple):
-    """Which columns of a table hold what, by number or name."""
-
-    time: str | None
-    time_unit: str | None
-    voltage: str | None
-    current: str | None
-    temperature: str | None
-    cycle: str | None
+_UPPER, _LOWER, _CUT_OFF = 4.2, 2.7, 0.05  # V, V, A
 
 
 @click.command("battery")
@@ -38,23 +34,27 @@ class _Mapping(NamedTuple):
     "--format", "form", type=click.Choice(["auto", "novonix", "cycler", "table"]), default="auto", show_default=True,
     help="Who wrote the log.",
 )  # fmt: skip
+@click.option("--mapping", type=click.Path(path_type=Path), metavar="YAML", help="How the logs of this make are read.")
 @click.option("--time", metavar="COLUMN", help="Column of the time since the test began, in a table.")
 @time_unit_option
-@click.option("--voltage", metavar="COLUMN", help="Column of the voltage in V, in a table.")
-@click.option("--current", metavar="COLUMN", help="Column of the current in A, in a table.")
+@click.option("--voltage", metavar="COLUMN", help="Column of the voltage, in a table.")
+@click.option("--voltage-unit", type=click.Choice(["V", "mV"]), help="V, unless the column's name says another.")
+@click.option("--current", metavar="COLUMN", help="Column of the current, in a table.")
+@click.option("--current-unit", type=click.Choice(["A", "mA", "uA"]), help="A, unless the column's name says another.")
 @click.option("--temperature", metavar="COLUMN", help="Column of the temperature in degC, in a table.")
 @click.option("--cycle", metavar="COLUMN", help="Column of the cycle number, in a table.")
+@click.option(
+    "--time-restarts",
+    type=click.Choice(["step", "run"]),
+    help="The time starts anew with each step, or with each run after an unknown time.",
+)
 @click.option("--discharge-positive", is_flag=True, help="The log counts discharge current as positive.")
 @click.option(
     "--interval", type=float, default=5.0, show_default=True, metavar="S", help="Between two rows of a cycler's log."
 )
-@click.option(
-    "--upper", type=float, default=4.2, show_default=True, metavar="V", help="Voltage at which a charge ends."
-)
-@click.option(
-    "--lower", type=float, default=2.7, show_default=True, metavar="V", help="Voltage at which a discharge ends."
-)
-@click.option("--cut-off", type=float, default=0.05, show_default=True, metavar="A", help="Current that ends a charge.")
+@click.option("--upper", type=float, show_default="4.2", metavar="V", help="Voltage at which a charge ends.")
+@click.option("--lower", type=float, show_default="2.7", metavar="V", help="Voltage at which a discharge ends.")
+@click.option("--cut-off", type=float, show_default="0.05", metavar="A", help="Current that ends a charge.")
 @click.option("--capacity", type=float, metavar="AH", help="Nominal capacity.")
 @click.option("--energy", type=float, metavar="WH", help="Nominal energy.")
 @click.option(
@@ -90,19 +90,8 @@ def battery(  # noqa: PLR0913 - one argument per option
     *,
     file: Path,
     form: str,
-    time: str | None,
-    time_unit: str | None,
-    voltage: str | None,
-    current: str | None,
-    temperature: str | None,
-    cycle: str | None,
-    discharge_positive: bool,
+    mapping: Path | None,
     interval: float,
-    upper: float,
-    lower: float,
-    cut_off: float,
-    capacity: float | None,
-    energy: float | None,
     mean_voltage: str,
     rest_current: float | None,
     counted: int | None,
@@ -110,6 +99,7 @@ def battery(  # noqa: PLR0913 - one argument per option
     remaining: float,
     plot: Path | None,
     as_json: bool,
+    **told: Any,  # noqa: ANN401 - what stands in the place of something in the mapping, of many types
 ) -> int:
     """Compute capacity, energy, efficiency and fade of a cell from the log of its cycles in FILE.
 
@@ -123,26 +113,35 @@ def battery(  # noqa: PLR0913 - one argument per option
     """  # noqa: D301 - click reads \b
     from hil.analysis.battery.gates import Declared  # noqa: PLC0415 - start-up stays light
     from hil.analysis.battery.half_cycle import Limits  # noqa: PLC0415 - start-up stays light
+    from hil.analysis.battery.singles import judge_states  # noqa: PLC0415 - start-up stays light
     from hil.analysis.battery.steps import Segmentation  # noqa: PLC0415 - start-up stays light
     from hil.analysis.battery.summary import summarise  # noqa: PLC0415 - start-up stays light
     from hil.cli.analyses import battery_text  # noqa: PLC0415 - start-up stays light
 
-    positive = {"--interval": interval, "--capacity": capacity, "--energy": energy, "--cut-off": cut_off}
-    _refuse_impossible(
-        positive=positive | {"--rest-current": rest_current},
-        upper=upper, lower=lower, skip=skip, counted=counted, remaining=remaining,
-    )  # fmt: skip
-    columns = _Mapping(time, time_unit, voltage, current, temperature, cycle)
-    log = _charging_positive(_read(file, form, columns, interval), discharge_positive=discharge_positive)
+    read = _understood(mapping, told)
+    known = read.cell
+    limits = Limits(
+        upper=_UPPER if known.upper is None else known.upper,
+        lower=_LOWER if known.lower is None else known.lower,
+        cut_off=_CUT_OFF if known.cut_off is None else known.cut_off,
+    )
+    positive = {"--interval": interval, "--capacity": known.capacity, "--energy": known.energy}
+    positive |= {"--cut-off": known.cut_off, "--rest-current": rest_current}
+    _refuse_impossible(positive=positive, limits=limits, skip=skip, counted=counted, remaining=remaining)
+    log = _read(file, form, read, interval, named=str(mapping or "the mapping"))
     data = _series(file, log)
     how = Segmentation(rest_current=rest_current)
-    capacity = log.capacity if capacity is None else capacity
+    capacity = log.capacity if known.capacity is None else known.capacity
     summary = summarise(
         data,
-        limits=Limits(upper=upper, lower=lower, cut_off=cut_off),
-        declared=Declared(capacity=capacity, energy=energy, mean_voltage=_span_of(mean_voltage)),
+        limits=limits,
+        declared=Declared(
+            capacity=capacity, energy=known.energy, mean_voltage=_span_of(mean_voltage),
+            runs=read.time_restarts == "run",
+        ),
         how=how, skip=skip, remaining=remaining, counted=counted,
     )  # fmt: skip
+    summary = replace(summary, gates=(*summary.gates, judge_states(log.contradicted)))
     _draw(plot, data, summary, how)
     result = battery_text.Result(file=str(file), log=log, data=data, summary=summary, capacity=capacity, how=how)
     click.echo(battery_text.as_json(result) if as_json else battery_text.as_text(result))
@@ -159,8 +158,7 @@ def _draw(plot: Path | None, data: Series, summary: Summary, how: Segmentation) 
 def _refuse_impossible(
     *,
     positive: dict[str, float | None],
-    upper: float,
-    lower: float,
+    limits: Limits,
     skip: int,
     counted: int | None,
     remaining: float,
@@ -169,8 +167,7 @@ def _refuse_impossible(
 
     Args:
         positive: by name of the option, values that have to be above zero; None where one was not given.
-        upper: end of charge, in V.
-        lower: end of discharge, in V.
+        limits: of the test.
         skip: cycles that the fade leaves out.
         counted: cycles that somebody counted.
         remaining: part that is left at the end of life.
@@ -181,6 +178,7 @@ def _refuse_impossible(
     for name, value in positive.items():
         if value is not None and not 0.0 < value < math.inf:
             raise Refused(f"{name} {value:g} is not possible", "give a number above zero")
+    upper, lower = limits.upper or 0.0, limits.lower or 0.0
     if not 0.0 <= lower < upper < math.inf:
         raise Refused(
             f"--upper {upper:g} and --lower {lower:g} are no range",
@@ -209,45 +207,102 @@ def _span_of(text: str) -> tuple[float, float]:
     return low, high
 
 
-def _read(file: Path, form: str, columns: _Mapping, interval: float) -> BatteryLog:
+def _understood(file: Path | None, told: dict[str, Any]) -> Mapping:
+    """Return a mapping, or an empty one, with what options say in its place."""
+    from hil.logs import mapping as logs  # noqa: PLC0415 - start-up stays light
+
+    columns = {name: told[name] for name in ("time", "voltage", "current", "temperature", "cycle")}
+    units = {name: told[f"{name}_unit"] for name in ("time", "voltage", "current")}
+    cell = {name: told[name] for name in ("capacity", "energy", "upper", "lower", "cut_off")}
+    made: Mapping = _overridden(
+        logs.load(file) if file else logs.Mapping(),
+        columns=columns, units=units, cell=cell, time_restarts=told["time_restarts"],
+        discharge_positive=told["discharge_positive"] or None,
+    )  # fmt: skip
+    return made
+
+
+def _overridden(mapping: Any, **told: Any) -> Any:  # noqa: ANN401 - a mapping, or a part of one
+    """Return a mapping, or a part of one, with what options say in place of its own; of a part, a mapping of these."""
+    given = {
+        name: _overridden(getattr(mapping, name), **value) if isinstance(value, dict) else value
+        for name, value in told.items()
+        if value is not None
+    }
+    return replace(mapping, **given)
+
+
+def _read(file: Path, form: str, mapping: Mapping, interval: float, *, named: str) -> BatteryLog:
     from hil.logs import battery as logs  # noqa: PLC0415 - start-up stays light
     from hil.logs import cycler, novonix  # noqa: PLC0415 - start-up stays light
 
-    named = (columns.time, columns.voltage, columns.current)
+    columns = mapping.columns
     if form == "auto":
-        form = "table" if any(named) else logs.made_by(logs.lines_of(file))
-    if form == "novonix":
-        return novonix.read(file)
-    if form == "cycler":
-        return cycler.read(file, interval=interval)
-    return _table(file, columns)
+        form = "table" if any((columns.time, columns.voltage, columns.current)) else logs.made_by(logs.lines_of(file))
+    if form == "table":
+        return _table(file, mapping, named)
+    found = novonix.read(file) if form == "novonix" else cycler.read(file, interval=interval)
+    return _charging_positive(found, discharge_positive=mapping.discharge_positive)
 
 
-def _table(file: Path, columns: _Mapping) -> BatteryLog:
-    from hil.analysis.timeline import TIME_UNITS, time_unit, unwrapped  # noqa: PLC0415 - start-up stays light
+def _table(file: Path, mapping: Mapping, named: str) -> BatteryLog:
     from hil.logs import battery as logs  # noqa: PLC0415 - start-up stays light
-    from hil.logs.columns import read  # noqa: PLC0415 - start-up stays light
+    from hil.logs.mapping import read  # noqa: PLC0415 - start-up stays light
 
-    if columns.time is None or columns.voltage is None or columns.current is None:
-        name = "name them with --time, --voltage and --current, by number or name"
+    columns = mapping.columns
+    if not (columns.time and columns.voltage and columns.current):
+        name = "name them with --time, --voltage and --current, by number or name, or in a --mapping"
         if logs.holds_rows_of_cycler(logs.lines_of(file)):
             name += "; or read voltage;current;accumulated energy;temperature of a cycler with --format cycler"
         raise Refused(f"{file}: which columns hold time, voltage and current is not known", name)
-    wanted = [columns.time, columns.voltage, columns.current]
-    others = [column for column in (columns.temperature, columns.cycle) if column is not None]
-    table = read(file, [*wanted[1:], *others], first=columns.time, clock=True)
-    unit, told = time_unit(columns.time_unit, table.names[0], table.values[:, 0])
-    time, continued = unwrapped(table.values[:, 0])
-    rest = iter(table.values.T[len(wanted) :])
+    table = read(file, mapping, named=named)
+    time, stretch, told = _timed(file, mapping, table)
+    charge, own_charge = table.counted("charge", time)
+    energy, own_energy = table.counted("energy", time)
     return logs.BatteryLog(
         maker="table",
-        time=time * TIME_UNITS[unit],
-        voltage=table.values[:, 1],
-        current=table.values[:, 2],
-        temperature=None if columns.temperature is None else next(rest),
-        cycle=None if columns.cycle is None else next(rest),
-        remarks=(*table.remarks, *((told,) if told else ()), *continued),
+        time=time,
+        voltage=table.columns["voltage"],
+        current=table.columns["current"],
+        temperature=table.columns.get("temperature"),
+        cycle=table.columns.get("cycle"),
+        own_charge=own_charge,
+        own_energy=own_energy,
+        charge=charge,
+        energy=energy,
+        stretch=stretch,
+        remarks=(*table.remarks, *told),
+        contradicted=table.contradicted if columns.state else None,
     )
+
+
+def _timed(
+    file: Path, mapping: Mapping, table: Mapped
+) -> tuple[NDArray[np.float64], NDArray[np.int64] | None, tuple[str, ...]]:
+    """Return the time of a table in s, the number of each row's stretch, and remarks."""
+    import numpy as np  # noqa: PLC0415 - start-up stays light
+
+    from hil.analysis.timeline import TIME_UNITS, time_unit, unwrapped  # noqa: PLC0415 - start-up stays light
+    from hil.logs.mapping import restarted  # noqa: PLC0415 - start-up stays light
+
+    column = table.names["time"]
+    unit, told = ("s", "") if table.clocked else time_unit(mapping.units.time or None, column, table.time)
+    remarks = (told,) if told else ()
+    if mapping.time_restarts:
+        time, stretch, more = restarted(table.time * TIME_UNITS[unit], mapping.time_restarts, table.columns.get("step"))
+        return time, stretch, (*remarks, *more)
+    time, more = unwrapped(table.time)
+    back = np.flatnonzero(np.diff(time) < 0.0)
+    if back.size:
+        often = "once" if back.size == 1 else f"{back.size} times"
+        first, then = time[back[0] : back[0] + 2].tolist()
+        raise Refused(
+            f"{file}: the time, column {column}, goes back {often}, first at row {back[0] + 2}, "
+            f"from {first:g} to {then:g}",
+            "give --time-restarts step if it is the time of a step, --time-restarts run if it is that of a run, "
+            "or a time that runs through the whole test",
+        )
+    return time * TIME_UNITS[unit], None, (*remarks, *more)
 
 
 def _charging_positive(log: BatteryLog, *, discharge_positive: bool) -> BatteryLog:

@@ -1,0 +1,312 @@
+"""Mappings of battery logs of any make: which column holds what, in which unit, and which words say what the cell does.
+
+A mapping is a YAML file of its own, so that the logs of one cycler need one, whatever their options.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping as Keys
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.documents.declared import read_document
+from hil.documents.findings import Findings
+from hil.logs.columns import Reading, Table
+from hil.logs.columns import read as read_columns
+from hil.model.errors import Refused
+from hil.model.notation import Flag, NotNegative, Positive, Text, one_of
+
+__all__ = ["UNITS", "Accuracy", "Cell", "Columns", "Mapped", "Mapping", "States", "Units", "load", "read", "restarted"]
+
+_SCHEMA = "hil/battery-log/1"
+_Restarts = Annotated[str, one_of("", "step", "run")]
+
+UNITS: Keys[str, Keys[str, float]] = {
+    "voltage": {"V": 1.0, "mV": 1e-3},
+    "current": {"A": 1.0, "mA": 1e-3, "uA": 1e-6},
+    "temperature": {"degC": 1.0, "K": 1.0},
+    "charge": {"Ah": 1.0, "mAh": 1e-3, "As": 1.0 / 3600.0},
+    "energy": {"Wh": 1.0, "mWh": 1e-3, "J": 1.0 / 3600.0},
+}
+"""Units by quantity: the first is the one that is computed in, the numbers are factors to it; K has an offset, too."""
+
+_KELVIN = 273.15
+_SUFFIX = re.compile(r"(?:[/(\[]\s*([^/()\[\]]+?)\s*[)\]]?|[\s_.,]([^\s_.,]+))\s*$")
+_RESTS = 0.02  # of the usual current: below it nothing flows that a direction could be asked of
+_HALF = 0.5  # of what a counter had: it starts anew where it falls below, and does not merely round
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Columns:
+    """Columns by number or name, empty where there is none.
+
+    The number of the `step` tells a time that starts anew also after a step of one row.
+    Without `discharge`, `charge` counts in both directions, as does `charge_energy` without `discharge_energy`.
+    """
+
+    time: Text = ""
+    voltage: Text = ""
+    current: Text = ""
+    temperature: Text = ""
+    cycle: Text = ""
+    step: Text = ""
+    state: Text = ""
+    charge: Text = ""
+    discharge: Text = ""
+    charge_energy: Text = ""
+    discharge_energy: Text = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Units:
+    """Units of columns whose names do not say them; those of `charge` and `energy` hold in both directions."""
+
+    time: Annotated[str, one_of("", "s", "ms", "us", "ns", "min", "h", "d")] = ""
+    voltage: Annotated[str, one_of("", *UNITS["voltage"])] = ""
+    current: Annotated[str, one_of("", *UNITS["current"])] = ""
+    temperature: Annotated[str, one_of("", *UNITS["temperature"])] = ""
+    charge: Annotated[str, one_of("", *UNITS["charge"])] = ""
+    energy: Annotated[str, one_of("", *UNITS["energy"])] = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class States:
+    """The words or codes of the column `state`."""
+
+    charge: tuple[Text, ...] = ()
+    discharge: tuple[Text, ...] = ()
+    rest: tuple[Text, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cell:
+    """What is known of the cell: capacity in Ah, energy in Wh, limits in V, and the current in A that ends a charge."""
+
+    capacity: Positive | None = None
+    energy: Positive | None = None
+    upper: Positive | None = None
+    lower: NotNegative | None = None
+    cut_off: Positive | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Accuracy:
+    """Bounds of the errors of the meters: gains as parts, such as 0.001 for 0.1 %, offsets in A and V."""
+
+    current_gain: NotNegative | None = None
+    current_offset: NotNegative | None = None
+    voltage_gain: NotNegative | None = None
+    voltage_offset: NotNegative | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mapping:
+    """How the logs of a cycler are read.
+
+    Attributes:
+        columns: which hold what.
+        units: of columns whose names do not say them.
+        states: what the words of the column `state` mean.
+        discharge_positive: whether a current above zero discharges.
+        time_restarts: what it means that the time starts anew: `step`, it is that of a step, which begins where the one
+            before ended; `run`, it is that of a run, and nobody knows what lies between; empty if it does not.
+        cell: what is known of the cell.
+        accuracy: of the meters.
+    """
+
+    columns: Columns = field(default_factory=Columns)
+    units: Units = field(default_factory=Units)
+    states: States = field(default_factory=States)
+    discharge_positive: Flag = False
+    time_restarts: _Restarts = ""
+    cell: Cell = field(default_factory=Cell)
+    accuracy: Accuracy = field(default_factory=Accuracy)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mapped:
+    """The columns of a log; arrays of one length.
+
+    Attributes:
+        time: as it is written, in s where it was that of a clock.
+        clocked: whether it was.
+        names: of the columns, by the fields of `Columns`.
+        columns: likewise the numbers, in V, A, degC, Ah and Wh; the current is above zero where it charges.
+        contradicted: rows, counted from 0, whose current has not the direction that the state says, or flows in a rest.
+        remarks: what was understood in another way than it was written, or left out.
+    """
+
+    time: NDArray[np.float64]
+    clocked: bool
+    names: Keys[str, str]
+    columns: Keys[str, NDArray[np.float64]]
+    contradicted: NDArray[np.int64]
+    remarks: tuple[str, ...]
+
+    def counted(self, quantity: str, seconds: NDArray[np.float64]) -> tuple[NDArray[np.float64] | None, float | None]:
+        """Return the instrument's own net count of `charge` or `energy` at each row, and all of it; None without one.
+
+        A counter that falls back starts anew: from zero where the row before rests; else the samples stand for what
+        flowed between the two rows, which no count holds.
+
+        Args:
+            quantity: which.
+            seconds: when the rows were logged.
+        """
+        into, out = ("charge", "discharge") if quantity == "charge" else ("charge_energy", "discharge_energy")
+        if into not in self.columns:
+            return None, None
+        current = self.columns["current"]
+        size = np.abs(current)
+        rests = size <= _RESTS * float(np.nanpercentile(size, 95.0))
+        signs = np.where(rests, np.append(0.0, np.sign(current)[:-1]), np.sign(current))
+        ways = [(into, signs)] if out not in self.columns else [(into, np.ones(size.size)), (out, -np.ones(size.size))]
+        rate = current if quantity == "charge" else current * self.columns["voltage"]
+        passed = np.diff(seconds) * (rate[:-1] + rate[1:]) / 7200.0
+        net = np.zeros(size.size)
+        for name, way in ways:
+            counter = np.abs(self.columns[name])
+            anew = counter[1:] < _HALF * counter[:-1]
+            sampled = np.clip(way[1:] * passed, 0.0, None)
+            steps = np.where(anew, np.where(rests[:-1], counter[1:], sampled), np.diff(counter))
+            net[1:] += np.cumsum(way[1:] * steps)
+        return net, float(net[-1])
+
+
+def load(path: Path) -> Mapping:
+    """Read a mapping.
+
+    Raises:
+        InvalidDocument: everything that is wrong with it, each with its line and column.
+    """
+    findings = Findings()
+    document = read_document(path, str(path), findings, Mapping, schema=_SCHEMA)
+    findings.raise_if_any()
+    if document is None:
+        raise Refused(f"{path}: not a mapping", f"begin it with schema: {_SCHEMA}")
+    return document.model
+
+
+def read(file: Path, mapping: Mapping, *, named: str = "the mapping") -> Mapped:
+    """Read the columns of a log.
+
+    Args:
+        file: the log.
+        mapping: with columns of time, voltage and current.
+        named: the mapping's own file, for errors.
+
+    Raises:
+        Refused: what `hil.logs.columns.read` refuses, a unit that cannot be, a state that the mapping does not have.
+    """
+    wanted = {each.name: getattr(mapping.columns, each.name) for each in fields(Columns)}
+    wanted = {name: column for name, column in wanted.items() if column}
+    states = _state_of(mapping, named) if "state" in wanted else {}
+    table = read_columns(
+        file, [column for name, column in wanted.items() if name != "time"], first=wanted["time"], clock=True,
+        readings=states,
+    )  # fmt: skip
+    names = dict(zip(wanted, table.names, strict=True))
+    remarks = list(table.remarks)
+    columns = _scaled(table, names, mapping.units, remarks)
+    if mapping.discharge_positive:
+        columns["current"] = -columns["current"]
+    contradicted = _directed(columns) if "state" in columns else np.zeros(0, dtype=np.int64)
+    return Mapped(
+        time=table.values[:, 0], clocked=table.clocked, names=names, columns=columns, contradicted=contradicted,
+        remarks=tuple(remarks),
+    )  # fmt: skip
+
+
+def _state_of(mapping: Mapping, named: str) -> dict[str, Reading]:
+    """Return how the cells of the column of states are read: 1 for a charge, -1 for a discharge, 0 for a rest."""
+    codes = dict.fromkeys(mapping.states.charge, 1.0) | dict.fromkeys(mapping.states.discharge, -1.0)
+    codes |= dict.fromkeys(mapping.states.rest, 0.0)
+    if not any(codes.values()):
+        raise Refused(
+            f"{named}: a column of states, and no word that says charge or discharge",
+            "list its words as `states:` with `charge: [...]`, `discharge: [...]` and `rest: [...]`",
+        )
+
+    def number(cell: str) -> float:
+        word = cell.strip().strip('"')
+        found = codes.get(word)
+        if found is None:
+            raise ValueError(word)
+        return found
+
+    hint = f"add it to `charge`, `discharge` or `rest` of `states:` in {named}"
+    return {mapping.columns.state: Reading(number=number, what=f"state that {named} lists", hint=hint)}
+
+
+def _scaled(table: Table, names: Keys[str, str], units: Units, remarks: list[str]) -> dict[str, NDArray[np.float64]]:
+    """Return the columns in the units that are computed in, with a remark for each whose name says another."""
+    columns = dict(zip(names, table.values.T, strict=True))
+    quantities = {name: name for name in ("voltage", "current", "temperature")}
+    quantities |= dict.fromkeys(("charge", "discharge"), "charge")
+    quantities |= dict.fromkeys(("charge_energy", "discharge_energy"), "energy")
+    for name, quantity in quantities.items():
+        if name not in columns:
+            continue
+        base = next(iter(UNITS[quantity]))
+        unit = getattr(units, quantity)
+        if not unit:
+            unit = _told(names[name], quantity) or base
+            if unit != base:
+                remarks.append(f"{name.replace('_', ' ')} is in {unit}, as the column's name '{names[name]}' says")
+        columns[name] = columns[name] * UNITS[quantity][unit] - (_KELVIN if unit == "K" else 0.0)
+    return columns
+
+
+def _told(column: str, quantity: str) -> str:
+    """Return the unit that a column's name ends in, such as `Current(mA)`, `I/mA` or `Q charge/mA.h`; or nothing."""
+    found = _SUFFIX.search(column)
+    if found is None:
+        return ""
+    word = (found[1] or found[2]).replace(".", "").replace("·", "").replace("*", "").replace("µ", "u").casefold()
+    return next((unit for unit in UNITS[quantity] if unit.casefold() == word), "")
+
+
+def _directed(columns: dict[str, NDArray[np.float64]]) -> NDArray[np.int64]:
+    """Give the current the direction of its state, and return the rows where both contradict each other."""
+    state, current = columns["state"], columns["current"]
+    size = np.abs(current)
+    flows = size > _RESTS * float(np.nanpercentile(size, 95.0))
+    wrong = flows & (state == 0.0)
+    active = flows & (state != 0.0)
+    if (active & (current > 0.0)).any() and (active & (current < 0.0)).any():  # else it is unsigned
+        wrong |= active & (np.sign(current) != state)
+    columns["current"] = np.where(state == 0.0, np.where(flows, current, 0.0), size * state)
+    return np.flatnonzero(wrong)
+
+
+def restarted(
+    time: NDArray[np.float64], how: str, step: NDArray[np.float64] | None = None
+) -> tuple[NDArray[np.float64], NDArray[np.int64] | None, tuple[str, ...]]:
+    """Return a time that starts anew as one that runs on, the number of each row's stretch, and remarks.
+
+    Args:
+        time: in s.
+        how: `step` or `run`, see `Mapping`; the stretches are None for a step.
+        step: number of the step of each row, None if it is not known.
+    """
+    steps = np.diff(time)
+    back = np.flatnonzero(steps < 0.0 if step is None or how == "run" else np.diff(step) != 0.0)
+    if not back.size:
+        return time, None, ()
+    often = "once" if back.size == 1 else f"{back.size} times"
+    added = np.zeros(time.size)
+    added[back + 1] = time[back]
+    if how == "step":
+        told = f"the time starts anew {often}, first at row {back[0] + 2}: a step begins where the one before ended"
+        return time + np.cumsum(added), None, (told,)
+    forward = steps[steps > 0.0]
+    added[back + 1] += (float(np.median(forward)) if forward.size else 1.0) - time[back + 1]
+    stretch = np.zeros(time.size, dtype=np.int64)
+    stretch[back + 1] = 1
+    told = f"the time starts anew {often}, first at row {back[0] + 2}: what lies between is not known"
+    return time + np.cumsum(added), np.cumsum(stretch), (told,)
