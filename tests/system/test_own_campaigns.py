@@ -22,7 +22,7 @@ RUNS = (
 MAGNETORQUER = {"ADCS-001", *(f"ADCS-MTQ-0{number}0" for number in range(1, 7))}
 POWER_BOARD = {"EPS-002", *(f"EPS-PWR-0{number}0" for number in range(1, 7))}
 NO_STAGE = "the requirement names no stage"
-OF_THIS_COPY = ("the product ", "Python executed hil-tests/sitecustomize.py")
+OF_THIS_COPY = ("the product ", "Python executed hil-tests/sitecustomize.py", "PYTHONPATH changes ")
 """How reasons begin that tell of the tested copy of the product: it may have changes, its tests begin with a file."""
 
 

@@ -13,6 +13,7 @@ from importlib import metadata
 from importlib.util import cache_from_source
 from types import CodeType
 
+import msgspec
 import pytest
 from evidence_runs import SOFTWARE, run_fields
 from typed_events import event_of
@@ -86,7 +87,7 @@ def compared(tmp_path, monkeypatch, act):
     root.mkdir()
     monkeypatch.setattr(executed, "product_source", dict)
     modules = {name: module for name, module in sys.modules.items() if name.startswith("late_dmm")}
-    found = Executed(Inputs(root), modules)
+    found = Executed(Inputs(root), modules, root / "no maps")
     assert found.new_problems() == ()
     act()
     return found.packages(), found.new_problems()
@@ -136,7 +137,7 @@ def test_a_compiled_copy_of_another_source_is_told(package, tmp_path, monkeypatc
         root.mkdir()
         monkeypatch.setattr(executed, "product_source", dict)
         monkeypatch.setattr(auditing, "_executed", [])
-        found = Executed(Inputs(root), {"late_dmm.late": sys.modules["late_dmm.late"]})
+        found = Executed(Inputs(root), {"late_dmm.late": sys.modules["late_dmm.late"]}, root / "no maps")
         problems = found.new_problems()
     else:
         _, problems = compared(tmp_path, monkeypatch, late)
@@ -175,9 +176,24 @@ def test_code_of_no_package_and_of_the_workspace_is_told(package, tmp_path, monk
 
 def test_what_the_product_needs_is_not_named():
     """But by its version, in the list of all packages."""
-    needed = executed._needed()
+    needed = other_code.needed()
     assert {"hil", "numpy", "msgspec", "pytest", "pluggy"} <= needed
     assert "hypothesis" not in needed
+
+
+def test_a_library_of_machine_code_of_nobody_is_told(tmp_path):
+    """Whoever loaded it, and also when its file is gone; what is of the system, of Python or of a package is not."""
+    maps, start = tmp_path / "maps", "7f00-7f10 r-xp 0000 08:01 1 "
+    known = ("/usr/lib/libm.so.6", os.path.realpath(sys.executable), msgspec._core.__file__, "[vdso]")
+    data = f"7f20-7f30 r--p 0000 08:01 1 {tmp_path}/table.bin\n7f40-7f50 rw-p 0000 00:00 0\n"
+    maps.write_text(data + "".join(f"{start}{each}\n" for each in known), encoding="utf-8")
+    ran = Executed(Inputs(tmp_path), maps=maps)
+    assert not [each for each in (*ran.new_problems(), *ran.new_problems()) if "library" in each]
+    with maps.open("a", encoding="utf-8") as file:
+        file.write(f"{start}{tmp_path}/own clock.so (deleted)\n")
+    told = "the library own clock.so was loaded, which is neither of the system nor of an installed package"
+    assert told in ran.new_problems()
+    assert told not in ran.last_problems()
 
 
 def judged(*told, format_=3, source=Source.HARDWARE):

@@ -196,6 +196,25 @@ def test_a_pth_file_that_imports_is_told_by_its_package(site_packages):
     assert [each["whole"] for each in at_start({})] == [False]
 
 
+def test_a_package_that_runs_at_the_start_and_that_nobody_needs_is_named(site_packages):
+    """A RECORD is a file beside it, which anybody can write: so what Python executed of it stands in the evidence."""
+    (site_packages / "calm.pth").write_text("# calm\nimport constant_dmm\n", encoding="utf-8")
+    installed(site_packages, extra=["calm.pth"])
+    (started,) = at_start({})
+    assert (started["whole"], started["needed"], started["lines"]) == (True, False, ["import constant_dmm"])
+    told = "site-packages/calm.pth of package constant-dmm 1.2 was executed when Python started, and hil needs no such "
+    assert {text: proven for text, proven in judged().items() if "calm.pth" in text and "hil needs" in text} == {
+        f"{told}package": True
+    }
+    assert NO_OTHERS not in judged()
+
+
+def test_a_customising_module_that_hides_is_found(site_packages):
+    """It can take itself out of the loaded modules, and lies on the path all the same."""
+    (site_packages / "sitecustomize.py").touch()
+    assert [each["file"] for each in at_start({})] == ["site-packages/sitecustomize.py"]
+
+
 def test_a_pth_file_of_nobody_closes_nothing(site_packages):
     """It can replace any driver before the product starts."""
     (site_packages / "patch.pth").write_text("# nothing\nimport os; os.environ['X'] = '1'\n", encoding="utf-8")
@@ -208,6 +227,7 @@ def test_a_customising_module_in_the_environment_closes_nothing(site_packages):
     module = SimpleNamespace(__file__=str(site_packages / "sitecustomize.py"))
     (site_packages / "sitecustomize.py").touch()
     assert [each["of"] for each in at_start({"sitecustomize": module})] == [""]
+    (site_packages / "sitecustomize.py").unlink()
     of_python = SimpleNamespace(__file__=str(Path(os.__file__).with_name("sitecustomize.py")))
     assert at_start({"sitecustomize": of_python}) == []
 

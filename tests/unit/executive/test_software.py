@@ -11,13 +11,20 @@ import sys
 from importlib import metadata
 from types import SimpleNamespace
 
+import msgspec
 import pytest
 from workspaces import ROOT
 
 import hil
+from hil.documents.canonical import canonical, parse_strict
+from hil.evidence.events.codec import convert
+from hil.evidence.results.eligibility import of_run
+from hil.evidence.results.facts import Facts
+from hil.evidence.results.software import FrozenSoftware
+from hil.evidence.state import fold
 from hil.executive.resuming.earlier import Earlier
 from hil.executive.resuming.preconditions import deviation_of
-from hil.executive.setup.software import customised, software_identity
+from hil.executive.setup.software import changing, customised, software_identity
 from hil.model.errors import Refused
 
 GIT = shutil.which("git")
@@ -225,3 +232,30 @@ def test_code_that_runs_before_the_product_is_told():
     assert customised({"sitecustomize": own}) == ()
     told = "Python ran a usercustomize.py from outside of its installation, which no package holds"
     assert customised({"usercustomize": SimpleNamespace(__file__="/elsewhere/usercustomize.py")}) == (told,)
+
+
+def test_what_changes_the_code_that_is_executed_is_named(tmp_path):
+    """Also what the process began with, and code that ran before took away; what only tunes Python is not."""
+    began, loads = tmp_path / "environ", tmp_path / "ld.so.preload"
+    assert changing({"PYTHONUNBUFFERED": "1", "PYTHONHASHSEED": "0", "OLD_PATH": "x"}, began, loads) == []
+    began.write_bytes(b"LD_PRELOAD=/own/clock.so\0PATH=/bin\0")
+    loads.write_text("\n", encoding="utf-8")
+    given = {"PYTHONPATH": "/own", "LD_AUDIT": "a.so", "LD_LIBRARY_PATH": "/own"}
+    assert changing(given, began, loads) == ["LD_AUDIT", "LD_LIBRARY_PATH", "LD_PRELOAD", "PYTHONPATH"]
+    loads.write_text("/own/clock.so\n", encoding="utf-8")
+    assert changing({}, began, loads) == ["LD_PRELOAD", str(loads)]
+
+
+def test_what_changes_the_code_that_is_executed_closes_nothing(tmp_path, monkeypatch):
+    """From format 4 of the file on; packages of before get no condition."""
+
+    def judged(software):
+        found = of_run(fold([]), Facts(catalogue={}, software=software))
+        return {each.text: each.proven for each in found if each.name == "environment"}
+
+    monkeypatch.setenv("LD_PRELOAD", "/own/clock.so")
+    frozen = convert(parse_strict(canonical(software_identity(tmp_path))), FrozenSoftware, "software")
+    assert judged(frozen)["LD_PRELOAD changes which code is executed: unset it"] is False
+    clean = msgspec.structs.replace(frozen, changing=())
+    assert judged(clean) == {"no variable of the environment changes which code is executed": True}
+    assert judged(msgspec.structs.replace(clean, format=3)) == {}

@@ -21,6 +21,8 @@ __all__ = [
 
 TELLS_OF_EXECUTED = 3
 """The first format of `software.json` in whose packages a run on hardware compares what it executed."""
+_TELLS_OF_ENVIRONMENT = 4
+"""The first format of `software.json` that tells which variables change what code is executed."""
 _TELLS_OF_OTHERS = 2
 """The first format of `software.json` that tells of code of others."""
 _ORIGINS = {
@@ -68,11 +70,19 @@ class OtherPackage(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class AtStart(msgspec.Struct, frozen=True, kw_only=True):
-    """Code that Python executed when it started: its file, the package that it is of, and whether it is unchanged."""
+    """Code that Python executed when it started.
+
+    Attributes:
+        file: its file.
+        package: the package that it is of, empty for none.
+        whole: whether it is as that package's RECORD says.
+        needed: whether hil needs that package; packages of before format 4 do not tell.
+    """
 
     file: str
     package: str = msgspec.field(name="of")
     whole: bool
+    needed: bool = True
 
 
 class FrozenSoftware(msgspec.Struct, frozen=True, kw_only=True):
@@ -86,6 +96,7 @@ class FrozenSoftware(msgspec.Struct, frozen=True, kw_only=True):
         others: packages of others that offered something the run used.
         start: what Python executed when it started.
         strays: loaded modules that are of no package.
+        changing: variables, and the file of the loader, that change which code is executed.
     """
 
     format: int = 1
@@ -95,6 +106,7 @@ class FrozenSoftware(msgspec.Struct, frozen=True, kw_only=True):
     others: tuple[OtherPackage, ...] = ()
     start: tuple[AtStart, ...] = ()
     strays: tuple[str, ...] = ()
+    changing: tuple[str, ...] = ()
 
 
 def of_software(software: FrozenSoftware) -> Iterator[Condition]:
@@ -111,12 +123,23 @@ def of_software(software: FrozenSoftware) -> Iterator[Condition]:
     if software.format >= _TELLS_OF_OTHERS:
         yield from _others(software)
         yield from each_of("start", _strangers(software), _started(software))
+    if software.format >= _TELLS_OF_ENVIRONMENT:
+        told = (f"{each} changes which code is executed: {_without(each)}" for each in software.changing)
+        yield from each_of("environment", told, "no variable of the environment changes which code is executed")
+
+
+def _without(name: str) -> str:
+    return "take it away" if name.startswith("/") else "unset it"
 
 
 def _others(software: FrozenSoftware) -> Iterator[Condition]:
     """Drivers and the like of others count if what was installed is known, and nobody changed it since."""
-    if not software.others:
+    foreign = [each for each in software.start if each.package and not each.needed]
+    if not software.others and not foreign:
         yield condition(OTHERS, True, NO_OTHERS)
+    for it in foreign:
+        told = f"{it.file} of package {it.package} was executed when Python started, and hil needs no such package"
+        yield condition(OTHERS, True, told)
     for each in software.others:
         named = f"{', '.join(each.offers)} of package {each.name} {each.version}"
         problem = _unknown(each)

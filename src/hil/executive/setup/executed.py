@@ -8,8 +8,6 @@ import os
 import re
 import sys
 from collections.abc import Iterable, Iterator, Mapping
-from functools import cache
-from importlib import metadata
 from importlib.machinery import SourceFileLoader
 from importlib.util import MAGIC_NUMBER, cache_from_source
 from pathlib import Path
@@ -19,15 +17,29 @@ from hil.executive.setup import auditing
 from hil.executive.setup.checkout import digest_of
 from hil.executive.setup.ground import PRODUCT
 from hil.executive.setup.inputs import Inputs
-from hil.executive.setup.other_code import Installed, of_no_package, other_packages
+from hil.executive.setup.other_code import Installed, needed, of_no_package, other_packages
 from hil.executive.setup.software import product_source
 
 __all__ = ["Executed"]
 
-_PRODUCT = "hil"
 _CASES = ("test_", "conftest")
 _HEADER = 16
 """Bytes before the code in a compiled copy: magic number, flags, and time and size of the source (PEP 552)."""
+
+_MAPS = Path("/proc/self/maps")
+_FIELDS = 6
+_DELETED = " (deleted)"
+"""Stands after the name of a file that is no longer there, such as after an upgrade."""
+_SYSTEM = (
+    "/gnu/store/",
+    "/lib",
+    "/nix/store/",
+    "/opt/",
+    "/usr/lib",
+    "/usr/local/lib",
+    *(f"{os.path.realpath(each)}{os.sep}" for each in (f"{sys.base_prefix}/bin", f"{sys.base_prefix}/lib")),
+)
+"""Where systems, and Python, have their libraries: only who administrates the computer puts any there."""
 
 
 class Executed:
@@ -39,11 +51,13 @@ class Executed:
     Args:
         inputs: what is frozen of the workspace.
         modules: the modules of this process.
+        maps: names every file whose machine code this process executes, see proc_pid_maps(5).
     """
 
-    def __init__(self, inputs: Inputs, modules: Mapping[str, object] = sys.modules) -> None:
+    def __init__(self, inputs: Inputs, modules: Mapping[str, object] = sys.modules, maps: Path = _MAPS) -> None:
         self._inputs = inputs
         self._modules = modules
+        self._maps = maps
         self._installed = Installed()
         self._offering = {str(path): digest for each in other_packages() for path, digest in each.digests().items()}
         self._strays = set(of_no_package(inputs.root, modules))
@@ -66,7 +80,7 @@ class Executed:
         """Return why what was executed is not known, the product and what it needs included, a sentence each."""
         self._hear()
         changed = ["hil was changed while the run lasted"] if product_source() != self._product else []
-        return self._untold([*self._problems(self._files()), *changed])
+        return self._untold([*self._problems(self._files()), *self._strange_libraries(), *changed])
 
     def packages(self) -> tuple[str, ...]:
         """Return the packages whose code was executed, sorted, but for hil and what hil needs."""
@@ -79,7 +93,24 @@ class Executed:
         self._hear()
         files = [file for file in self._files() if file not in self._seen]
         self._seen.update(files)
-        return tuple(self._problems(file for file in files if not self._is_needed(file)))
+        return (*self._problems(file for file in files if not self._is_needed(file)), *self._strange_libraries())
+
+    def _strange_libraries(self) -> Iterator[str]:
+        """Give the libraries of machine code that are of nobody, whoever loaded them: the linker, or `ctypes`.
+
+        The system is believed, and so are libraries beside Python. A module in a package in place has to be committed.
+        """
+        try:
+            lines = self._maps.read_text(encoding="utf-8", errors="replace").splitlines()
+        except OSError:  # there is no such file on this system
+            return
+        found = {fields[5] for line in lines if len(fields := line.split(maxsplit=5)) == _FIELDS and "x" in fields[1]}
+        for file in sorted(each for each in found if each.startswith("/")):
+            path = Path(os.path.realpath(file.removesuffix(_DELETED)))
+            if not (
+                str(path).startswith(_SYSTEM) or self._installed.has(str(path)) or self._installed.is_in_place(path)
+            ):
+                yield f"the library {path.name} was loaded, which is neither of the system nor of an installed package"
 
     def _untold(self, problems: Iterable[str]) -> tuple[str, ...]:
         found = tuple(each for each in dict.fromkeys(problems) if each not in self._told)
@@ -105,7 +136,7 @@ class Executed:
 
     def _is_needed(self, file: str) -> bool:
         """Return whether a file is of the product or of a package that it needs."""
-        return file.startswith(PRODUCT) or self._installed.name_of(file) in _needed()
+        return file.startswith(PRODUCT) or self._installed.name_of(file) in needed()
 
     def _problems(self, files: Iterable[str]) -> Iterator[str]:
         loaded = self._loaded_from_source()
@@ -231,26 +262,3 @@ def _named(value: object) -> object:
 
 _JUMPS = frozenset({"JUMP_FORWARD", "JUMP_BACKWARD"})
 _WAY = re.compile("FORWARD_|BACKWARD_")
-
-
-@cache
-def _needed() -> frozenset[str]:
-    """Return the names of hil and of every package that it needs, as `Installed.name_of` gives them."""
-    found: set[str] = set()
-    waiting = [_PRODUCT]
-    while waiting:
-        name = waiting.pop()
-        if name in found:
-            continue
-        found.add(name)
-        try:
-            required = metadata.requires(name) or ()
-        except metadata.PackageNotFoundError:
-            continue
-        waiting += [_plain(each) for each in required if "extra ==" not in each]
-    return frozenset(found)
-
-
-def _plain(requirement: str) -> str:
-    name = re.match(r"[A-Za-z0-9._-]+", requirement)
-    return re.sub(r"[-_.]+", "-", name[0]).lower() if name else ""

@@ -12,6 +12,7 @@ import sysconfig
 from collections.abc import Iterator, Mapping
 from functools import cache, lru_cache
 from importlib import metadata
+from importlib.machinery import PathFinder
 from importlib.metadata import Distribution, EntryPoint
 from pathlib import Path
 from typing import NamedTuple
@@ -20,9 +21,10 @@ from urllib.parse import unquote, urlsplit
 from hil.documents.offers import Offers
 from hil.executive.setup.checkout import digest_of, status, tracked
 
-__all__ = ["Installed", "OtherPackage", "at_start", "named", "of_no_package", "other_packages"]
+__all__ = ["Installed", "OtherPackage", "at_start", "named", "needed", "of_no_package", "other_packages"]
 
 _PRODUCT = "hil"
+_LONGEST = 2000
 _CUSTOMISING = ("sitecustomize", "usercustomize")
 _VIRTUALENV = frozenset(
     {
@@ -155,7 +157,7 @@ class Installed:
 
     def name_of(self, file: str) -> str:
         """Return the name of that package in the spelling in which names are compared, empty for none."""
-        return re.sub(r"[-_.]+", "-", self.package_of(file).partition(" ")[0]).lower()
+        return _plain(self.package_of(file))
 
     def recorded(self, file: str) -> str | None:
         """Return the SHA-256 that a RECORD has of a file, empty where it has none; None if no package records it."""
@@ -194,15 +196,17 @@ def other_packages() -> tuple[OtherPackage, ...]:
 def at_start(modules: Mapping[str, object] = sys.modules) -> list[dict[str, object]]:
     """Return what Python executed when it started, besides itself: lines of `.pth` files that import, and customising.
 
-    Each has the package that it is of, empty for none, and whether it is as that package's RECORD says.
+    Each has the package that it is of, empty for none, whether it is as that package's RECORD says, and whether hil
+    needs that package; of a `.pth` file also the lines that Python executed.
     """
     if sys.flags.no_site:
         return []
     users = [site.getusersitepackages()] if site.ENABLE_USER_SITE else []
     folders = dict.fromkeys(os.path.realpath(each) for each in (*site.getsitepackages(), *users))
-    lines = [path for folder in folders for path in sorted(Path(folder).glob("*.pth")) if _imports(path)]
-    named = [getattr(modules.get(each), "__file__", None) for each in _CUSTOMISING]
-    own = [Path(os.path.realpath(each)) for each in named if each and not _is_python(os.path.realpath(each))]
+    lines = [path for folder in folders for path in sorted(Path(folder).glob("*.pth")) if _lines(path)]
+    files = {getattr(modules.get(each), "__file__", None) or _found(each) for each in _CUSTOMISING}
+    strange = (each for each in files if each and not Installed().is_python(each))
+    own = sorted(Path(os.path.realpath(each)) for each in strange)
     return [_started(path) for path in (*lines, *own)]
 
 
@@ -221,22 +225,60 @@ def of_no_package(workspace: Path, modules: Mapping[str, object] = sys.modules) 
     return strays
 
 
+def _found(module: str) -> str:
+    """Return the file of a customising module that Python has executed though nobody shows it, empty for none."""
+    if module == "usercustomize" and not site.ENABLE_USER_SITE:
+        return ""
+    spec = PathFinder.find_spec(module)
+    return (spec.origin or "") if spec else ""
+
+
 def _started(path: Path) -> dict[str, object]:
     owner, digest = _owners().get(str(path), _Owner("", "")), digest_of(path)
     whole = bool(digest) and _hexadecimal(owner.recorded) == digest
-    told = {"file": f"{path.parent.name}/{path.name}", "sha256": digest, "of": owner.package, "whole": whole}
+    told = {
+        "file": f"{path.parent.name}/{path.name}",
+        "sha256": digest,
+        "of": owner.package,
+        "whole": whole,
+        "needed": _plain(owner.package) in needed(),
+        "lines": [each[:_LONGEST] for each in _lines(path)] if path.suffix == ".pth" else [],
+    }
     if digest in _VIRTUALENV and digest_of(path.with_name("_virtualenv.py")) in _VIRTUALENV:
-        return {**told, "of": "virtualenv", "whole": True}
+        return {**told, "of": "virtualenv", "whole": True, "needed": True}
     return told
 
 
-def _imports(path: Path) -> bool:
-    """Return whether Python executes a line of this file, see the documentation of `site`."""
+def _lines(path: Path) -> list[str]:
+    """Return the lines that Python executes of a `.pth` file, see the documentation of `site`."""
     try:
         text = path.read_text(encoding="utf-8-sig", errors="replace")
     except OSError:
-        return False
-    return any(line.startswith(("import ", "import\t")) for line in text.splitlines())
+        return []
+    return [line for line in text.splitlines() if line.startswith(("import ", "import\t"))]
+
+
+@cache
+def needed() -> frozenset[str]:
+    """Return the names of hil and of every package that it needs, as `Installed.name_of` gives them."""
+    found: set[str] = set()
+    waiting = [_PRODUCT]
+    while waiting:
+        name = waiting.pop()
+        if name in found:
+            continue
+        found.add(name)
+        try:
+            required = metadata.requires(name) or ()
+        except metadata.PackageNotFoundError:
+            continue
+        waiting += [_plain(each) for each in required if "extra ==" not in each]
+    return frozenset(found)
+
+
+def _plain(requirement: str) -> str:
+    name = re.match(r"[A-Za-z0-9._-]+", requirement)
+    return re.sub(r"[-_.]+", "-", name[0]).lower() if name else ""
 
 
 @cache

@@ -19,6 +19,7 @@ from hil.model.errors import Refused
 
 __all__ = [
     "PINNED",
+    "changing",
     "customised",
     "pinned_environment",
     "product_source",
@@ -49,6 +50,27 @@ _FLAGS = ("optimize", "dev_mode", "ignore_environment", "isolated", "no_site", "
 """Flags of the interpreter that are frozen; with the first one it leaves assertions out."""
 
 
+_CHANGING = frozenset(
+    {
+        "GCONV_PATH",
+        "PYTHONBREAKPOINT",
+        "PYTHONEXECUTABLE",
+        "PYTHONHOME",
+        "PYTHONINSPECT",
+        "PYTHONPATH",
+        "PYTHONPLATLIBDIR",
+        "PYTHONPYCACHEPREFIX",
+        "PYTHONSTARTUP",
+        "PYTHONUSERBASE",
+    }
+)
+"""Variables by which Python, or the C library, executes other code than what is installed."""
+_OF_LOADER = ("LD_", "DYLD_")
+"""Variables of the dynamic linker begin so (`man ld.so`): LD_PRELOAD, LD_AUDIT, LD_LIBRARY_PATH."""
+_BEGAN = Path("/proc/self/environ")
+_LOADS = Path("/etc/ld.so.preload")
+
+
 def require_assertions(optimize: int = sys.flags.optimize) -> None:
     """Refuse an interpreter that leaves assertions out: what a plan or a fixture asserts would not be looked at.
 
@@ -73,6 +95,28 @@ def customised(modules: Mapping[str, object] = sys.modules) -> tuple[str, ...]:
     )
 
 
+def changing(environment: Mapping[str, str] = os.environ, began: Path = _BEGAN, loads: Path = _LOADS) -> list[str]:
+    """Return what changes which code an interpreter or its libraries execute: variables, and the file of the loader.
+
+    Args:
+        environment: the variables of now.
+        began: holds those with which this process began, which code that ran before hil may have taken out.
+        loads: names libraries that the system loads into every process.
+    """
+    names = set(environment) | {
+        each.partition(b"=")[0].decode(errors="replace") for each in _content(began).split(b"\0")
+    }
+    found = sorted(each for each in names if each in _CHANGING or each.startswith(_OF_LOADER))
+    return [*found, str(loads)] if _content(loads).strip() else found
+
+
+def _content(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError:
+        return b""
+
+
 def version() -> str:
     """Return the product's version."""
     return metadata.version("hil")
@@ -83,7 +127,7 @@ def software_identity(workspace: Path) -> dict[str, object]:
     from hil.executive.setup.other_code import at_start, of_no_package, other_packages  # noqa: PLC0415 - in runs only
 
     return {
-        "format": 3,
+        "format": 4,
         "hil": {"version": version(), "commit": product_source()},
         "workspace": _workspace(workspace),
         "python": platform.python_version(),
@@ -93,6 +137,7 @@ def software_identity(workspace: Path) -> dict[str, object]:
         "start": at_start(),
         "strays": of_no_package(workspace),
         "flags": {name: int(getattr(sys.flags, name)) for name in _FLAGS},
+        "changing": changing(),
         "numeric": {name: os.environ.get(name, "") for name in PINNED},
         "byte_order": sys.byteorder,
         "analysis": judging_digest(),

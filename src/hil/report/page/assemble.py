@@ -345,9 +345,10 @@ def _parameters(material: Material) -> tuple[ParameterRow, ...]:
 _OTHER_CODE = {
     OTHERS: "drivers, roles, plants, peers and faults",
     "start": "code at the start of Python",
+    "environment": "variables of the environment",
     "executed": "code that ran",
 }
-_TOLD_APART = frozenset({"format", "packages", "others", "start", "strays"})
+_TOLD_APART = frozenset({"format", "packages", "others", "start", "strays", "changing"})
 
 
 def _software(results: Outcome, software: Body, place: Body) -> tuple[Fact, ...]:
