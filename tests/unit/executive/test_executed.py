@@ -8,6 +8,7 @@ import hashlib
 import importlib
 import os
 import py_compile
+import socket
 import sys
 from importlib import metadata
 from importlib.util import cache_from_source
@@ -28,6 +29,7 @@ from hil.evidence.results.software import FrozenSoftware
 from hil.evidence.state import fold
 from hil.executive.setup import auditing, executed, other_code
 from hil.executive.setup.executed import Executed
+from hil.guardian.ports import hosted
 from hil.model.identity import Source
 
 LATE = "LEVEL = 1.0\n\n\ndef level():\n    return LEVEL\n"
@@ -145,6 +147,35 @@ def test_a_compiled_copy_of_another_source_is_told(package, tmp_path, monkeypatc
         "late_dmm/late.py was executed otherwise than its source says, such as from a compiled copy of another source"
     )
     assert problems == (told,)
+
+
+@pytest.mark.parametrize("source", [LATE, FALSE], ids=["as installed", "changed"])
+def test_the_code_of_a_vendors_process_is_named_and_compared(package, tmp_path, monkeypatch, source):
+    """Also what it imports within a call: this process never loads it."""
+    maker = "class Made:\n    def __init__(self, place): pass\n    def level(self):\n        import late_dmm.late\n"
+    (package.parent / "__init__.py").write_text(maker, encoding="utf-8")
+    record(package.parents[1])
+    package.write_text(source, encoding="utf-8")
+    monkeypatch.setenv("PYTHONPATH", str(package.parents[1]))
+    monkeypatch.setattr(hosted, "_written", [])
+    inside = f"{package.parent}{os.sep}"  # the other packages of this environment are not installed here
+    monkeypatch.setattr(
+        executed, "files_executed", lambda: [f for f in hosted.files_executed() if f.startswith(inside)]
+    )
+    vendor = socket.socket(fileno=hosted.connected_to("hosted://late_dmm:Made/x"))
+
+    def call():
+        vendor.sendall(b'{"number": 1, "call": "level"}\n')
+        assert b'"number":1' in vendor.recv(1000)
+
+    with vendor:
+        before = hosted.files_executed()
+        packages, problems = compared(tmp_path, monkeypatch, call)
+    assert str(package.parent / "__init__.py") in before
+    assert str(package) not in before
+    assert "late_dmm" not in sys.modules
+    assert packages == ("late-dmm 1.2",)
+    assert problems == ((f"{TWIN} is not as it was installed",) if source != LATE else ())
 
 
 def test_code_that_ran_often_is_still_its_source(package, tmp_path, monkeypatch):

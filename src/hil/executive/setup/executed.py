@@ -19,6 +19,7 @@ from hil.executive.setup.ground import PRODUCT
 from hil.executive.setup.inputs import Inputs
 from hil.executive.setup.other_code import Installed, needed, of_no_package, other_packages
 from hil.executive.setup.software import product_source
+from hil.guardian.ports.hosted import files_executed
 
 __all__ = ["Executed"]
 
@@ -43,7 +44,7 @@ _SYSTEM = (
 
 
 class Executed:
-    """The code that this process has executed outside of Python's own library.
+    """The code that this process, and those of vendors' drivers, have executed outside of Python's own library.
 
     What is imported late, such as by a function of a driver, is neither named nor compared when a run begins. And a
     compiled copy is executed whatever it was compiled from, if it gives the time and the size of the source.
@@ -130,7 +131,7 @@ class Executed:
     def _files(self) -> list[str]:
         """Return the files that were executed, Python's own left out, sorted."""
         named = (getattr(module, "__file__", None) for module in list(self._modules.values()))
-        files = {file for file in named if isinstance(file, str)} | self._codes.keys()
+        files = {file for file in named if isinstance(file, str)} | self._codes.keys() | set(files_executed())
         self._pythons.update(file for file in files - self._seen - self._pythons if self._installed.is_python(file))
         return sorted(files - self._pythons)
 
@@ -139,7 +140,7 @@ class Executed:
         return file.startswith(PRODUCT) or self._installed.name_of(file) in needed()
 
     def _problems(self, files: Iterable[str]) -> Iterator[str]:
-        loaded = self._loaded_from_source()
+        loaded = self._loaded_from_source() | set(files_executed())
         for file in files:
             path = Path(os.path.realpath(file))
             if path.is_relative_to(self._inputs.root) and not self._installed.has(file):

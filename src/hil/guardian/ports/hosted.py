@@ -3,6 +3,9 @@
 The process outlives whoever started it, as an instrument does, and listens as long as somebody has the other end of its
 connection: the run, and the guardian with a copy of it. So what the guardian sends is done also where the run hangs or
 is dead, and neither of them has to load what the vendor wrote. This file is the program, too.
+
+Which files its code was executed from, it writes into a file that only the run looks into: what is asked over the
+connection is recorded, and a replay would have to ask it again.
 """
 
 from __future__ import annotations
@@ -16,14 +19,29 @@ import os
 import signal
 import socket
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from types import CodeType
 from typing import Any
 
-__all__ = ["connected_to"]
+__all__ = ["connected_to", "files_executed"]
 
 _SCHEME = "hosted://"
 _STARTS_S = 10.0
 _AT_ONCE = 65_536
+_FILES = 3
+"""The descriptor to which the process writes each file that it has executed code from, a line of JSON each."""
+
+_written: list[int] = []
+"""Descriptors of what the processes wrote that were started here."""
+
+
+def files_executed() -> list[str]:
+    """Return the files from which the processes that were started here have executed code, sorted."""
+    found: set[str] = set()
+    for descriptor in _written:
+        text = os.pread(descriptor, os.fstat(descriptor).st_size, 0)
+        found.update(json.loads(line) for line in text.split(b"\n")[:-1])
+    return sorted(found)
 
 
 def connected_to(url: str) -> int:
@@ -37,6 +55,8 @@ def connected_to(url: str) -> int:
     """
     made_by, _, place = url.removeprefix(_SCHEME).partition("/")
     mine, its = socket.socketpair()
+    files = os.memfd_create("files executed")
+    _written.append(files)
     with its:
         os.posix_spawn(  # nobody waits for its end
             sys.executable,
@@ -45,6 +65,7 @@ def connected_to(url: str) -> int:
             file_actions=[
                 (os.POSIX_SPAWN_DUP2, its.fileno(), 0),
                 (os.POSIX_SPAWN_OPEN, 1, os.devnull, os.O_WRONLY, 0),
+                (os.POSIX_SPAWN_DUP2, files, _FILES),
             ],
             setsid=True,
         )
@@ -69,6 +90,7 @@ def connected_to(url: str) -> int:
 
 def main(made_by: str, place: str) -> None:
     """Make the object and serve it until nobody has the other end any more; the outputs stay as they are then."""
+    tell_files = _teller_of_files()
     descriptor = os.dup(0)
     os.dup2(1, 0)  # what the vendor's code reads or prints is no part of this
     for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
@@ -77,15 +99,43 @@ def main(made_by: str, place: str) -> None:
         module, _, name = made_by.partition(":")
         try:
             made = getattr(importlib.import_module(module), name)(place)
+            tell_files()
         except Exception as error:  # noqa: BLE001 - whatever the vendor's driver raises is told
             connection.sendall(_line({"error": _told(error)}))
             return
         connection.sendall(_line({"ready": True}))
         for line in _lines(connection):
             if reply := _answer(made, line):
+                tell_files()
                 connection.sendall(_line(reply))
         with contextlib.suppress(Exception):
             made.close()
+
+
+def _teller_of_files() -> Callable[[], None]:
+    """Return what writes down the files from which code was executed, and of loaded modules, that are new."""
+    heard: set[str] = {__file__}
+    told: set[str] = set()
+    seen = (0, 0)
+
+    def hear(event: str, arguments: tuple[object, ...]) -> None:
+        if event == "exec" and isinstance(arguments[0], CodeType):
+            heard.add(arguments[0].co_filename)
+
+    def tell() -> None:
+        nonlocal seen
+        before, seen = seen, (len(heard), len(sys.modules))
+        if seen == before:
+            return
+        loaded = {getattr(each, "__file__", None) for each in list(sys.modules.values())}
+        files = {each for each in loaded | heard if isinstance(each, str) and os.path.isabs(each)}  # noqa: PTH117
+        lines = [json.dumps(each) + "\n" for each in sorted(files - told)]
+        told.update(files)
+        if lines:
+            os.write(_FILES, "".join(lines).encode())
+
+    sys.addaudithook(hear)
+    return tell
 
 
 def _lines(connection: socket.socket) -> Iterator[bytes]:
