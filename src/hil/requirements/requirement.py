@@ -11,12 +11,15 @@ from typing import Annotated, NamedTuple
 
 from hil.documents.canonical import digest
 from hil.documents.node import Place
+from hil.documents.text import name_problem
 from hil.model.notation import (
     UNWRITTEN,
     AnyText,
+    Complaint,
     DecimalText,
     Flag,
     Hertz,
+    Notation,
     Seconds,
     Text,
     matching,
@@ -33,6 +36,18 @@ _ID = matching(
     "[A-Z][A-Z0-9]*(-[A-Z0-9]+)*-[0-9]{2,5}", "an id such as ADCS-GYR-010: capitals, and a number at its end"
 )
 _NAME = matching("[A-Za-z_][A-Za-z0-9_]*", "letters, digits and '_', beginning with a letter or '_'")
+
+
+def _recording(value: object) -> str:
+    """Return the name of a recording, which is one that `record` takes."""
+    if not isinstance(value, str):
+        raise Complaint("must be text", quote=isinstance(value, bool | int))
+    if problem := name_problem(value):
+        raise Complaint(f"names no recording: {problem}")
+    return value
+
+
+_RECORDING = Notation(_recording, "")
 _LEVEL = one_of("part", "equipment", "subsystem", "element", "segment", "system")
 _STAGE = one_of("qualification", "acceptance", "pre-launch", "in-orbit", "post-landing")
 
@@ -114,7 +129,7 @@ class Records:
         max_gap_s: longest time without a row, or None.
     """
 
-    recording: Annotated[str, _NAME]
+    recording: Annotated[str, _RECORDING]
     channels: tuple[Text, ...]
     rate_hz: Hertz | None = field(default=None, metadata={"alias": "rate"})
     duration_s: Seconds | None = field(default=None, metadata={"alias": "duration"})

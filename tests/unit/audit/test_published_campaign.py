@@ -77,7 +77,7 @@ def test_a_package_that_was_recorded_elsewhere_has_no_bench_file(tmp_path):
         ("PQ-CHG-001", "NOT_ELIGIBLE", "the device under test has no serial number"),
         ("PQ-CHG-001", "WRONG_DUT", "the register has no unit without serial number"),
         ("PQ-CHG-001", "NOT_ELIGIBLE", "no operator is named"),
-        ("PQ-CHG-001", "NOT_ELIGIBLE", "the bench has no envelope"),
+        ("PQ-CHG-001", "NOT_ELIGIBLE", "the bench was not armed, so no limit of the envelope was tried"),
         ("PQ-CHG-001", "NOT_ELIGIBLE", "the number was taken from a printed report"),
         ("PQ-PHD-001", "SIM_ONLY", "the run's source is simulated"),
         ("PQ-PHD-001", "NO_VERDICT", "its verdict is NOT_EVALUATED"),

@@ -52,6 +52,14 @@ def test_a_run_that_proves_everything_can_close(proven):
     assert all(each.proven and each.text for each in found.conditions)
 
 
+def test_a_bench_that_was_not_armed_may_have_an_envelope(proven):
+    """Nobody tried it: that is another reason than a bench without one."""
+    events, facts = proven
+    found = reasons([each for each in events if each.kind() not in {"armed", "gate"}], facts)
+    assert "the bench was not armed, so no limit of the envelope was tried" in found
+    assert "the bench has no envelope" not in found
+
+
 @pytest.mark.parametrize(
     ("kind", "fields", "reason"),
     [

@@ -6,6 +6,7 @@ import time
 import pytest
 import sweeps
 
+from hil.documents.text import name_problem
 from hil.model.errors import ConfigurationError, HilError
 from hil.requirements.catalogue import load_catalogue
 from hil.requirements.requirement import Decision, Kind, Method
@@ -47,6 +48,14 @@ def test_a_plan_is_read_as_it_is_written(workspace):
     parent = catalogue.parent("ADCS-001")
     assert parent is not None
     assert parent.kind is Kind.PARENT
+
+
+def test_a_requirement_names_any_recording_that_a_case_can_make(workspace):
+    """One rule for the name, wherever it stands."""
+    workspace.edit("recording: rest,", "recording: warm-up 1,")
+    records = workspace.load(locked=False).requirement("ADCS-GYR-010").records
+    assert records is not None
+    assert (records.recording, name_problem(records.recording)) == ("warm-up 1", "")
 
 
 def test_unknown_ids_and_parameters_name_the_nearest(workspace):
@@ -109,6 +118,8 @@ def test_wrong_limits_are_errors_at_load(workspace, limits, expected):
          "parent 'ADCS-O01' of EPS-BAT-010 does not exist, did you mean 'ADCS-001'?"),
         ("  kind: record\n  records: {recording: rest, channels: [x], duration: 4 hours}\n", "the unit 'hours'"),
         ("  kind: record\n  records: {recording: rest, channels: [], duration: 4 h}\n", "'channels' needs at least"),
+        ("  kind: record\n  records: {recording: warm/up, channels: [x]}\n",
+         "'recording' names no recording: a name has no slash"),
         ("  kind: record\n  records: {recording: rest, channels: [x], duration: 0 s}\n",
          "'duration' of records must be longer than zero"),
         ("  kind: record\n  records: {recording: rest, channels: [x], max_gap: 0 s}\n",

@@ -146,7 +146,7 @@ def _gates(numbers: Told, declared: Declared) -> Iterator[Gate]:
     advice = "voltage or current is measured elsewhere than at the cell, or the resistance is high"
     yield _between("energy_efficiency", "1", _over(numbers.energy_out, numbers.energy_in), declared.energetic, advice)
     ratio = _over(numbers.charge_out, declared.capacity)
-    advice = "the gain of the current is wrong, or the declared value is"
+    advice = "the gain of the current or the declared value is wrong"
     milli = "currents are taken as A; convert mA first"
     yield _between("capacity_ratio", "1", ratio, declared.nominal, milli if ratio > _MILLI else advice)
     yield _between("energy_ratio", "1", _over(numbers.energy_out, declared.energy), declared.nominal, advice)
