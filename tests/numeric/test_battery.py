@@ -23,6 +23,7 @@ from hil.analysis.battery.series import series
 from hil.analysis.battery.steps import Segmentation, StepKind, segment
 from hil.analysis.battery.summary import summarise
 from hil.logs.novonix import read
+from hil.model.errors import Refused
 from tests.support import cell
 
 NOVONIX = Path(__file__).parents[2] / "docs" / "data" / "battery-novonix.csv"
@@ -418,3 +419,71 @@ def test_the_end_of_a_discharge_is_as_uncertain_as_what_no_line_shows():
         apart.append((figure.value - cell.LOWER) / (math.sqrt(3.0) * figure.uncertainty))
     assert min(apart) >= 0.0
     assert 0.9 < max(apart) <= 1.0
+
+
+def doubted(data, **how):
+    """Return the gates that speak against a log, with their reasons."""
+    limits = how.pop("limits", LIMITS)
+    return {gate.name: gate.reason for gate in summarise(data, limits=limits, **how).gates if gate.ok is False}
+
+
+def test_a_rest_beyond_the_limits_is_doubted():
+    """4.35 V at rest, between two half-cycles that keep to theirs; and a cell in mV."""
+    time, voltage, current = cell.campaign(2, 30.0)
+    high = np.where((current == 0) & (voltage > 4.0), 4.35, voltage)
+    assert "4.35 V, limit 4.2 V" in doubted(series(time, high, current))["highest_voltage"]
+    assert "--voltage-unit mV" in doubted(series(time, 1e3 * voltage, current))["highest_voltage"]
+
+
+def test_a_negative_resistance_is_doubted():
+    """The voltage that falls where a charge begins."""
+    time, voltage, current = cell.campaign(2, 30.0)
+    found = doubted(series(time, voltage + np.where(current == 0, 0.3, 0.0), current))
+    assert "rest to charge in cycle 2 -0.379 ohm" in found["resistance"]
+    assert "resistance" not in doubted(series(time, voltage, current))
+
+
+def test_a_current_without_its_sign_is_doubted():
+    """A discharge that is logged as a charge shows in a voltage that falls."""
+    time, voltage, current = cell.campaign(2, 30.0)
+    assert "falls by 1.43 V in the charge from" in doubted(series(time, voltage, np.abs(current)))["direction"]
+
+
+@pytest.mark.parametrize("interval", [5.0, 60.0, 170.0])
+def test_capacity_at_the_cut_off_lies_between_samples(interval):
+    """The voltage is a straight line of the charge, so that the capacity at any level is known."""
+    time, voltage, current = cell.cycle(interval)
+    lower = 3.0
+    start = cell.UPPER - 2.0 * cell.CURRENT * cell.RESISTANCE
+    share = (start - lower) / (start - cell.LOWER)
+    half = cycles(series(time, voltage, current), Limits(lower=lower))[0].discharge
+    edge = cell.CURRENT * interval / 3600.0
+    assert half.charge_to_limit == pytest.approx(share * cell.truth()[0], abs=0.51 * edge)
+    assert half.energy_to_limit == pytest.approx(half.charge_to_limit * (start + lower) / 2.0, abs=2.2 * edge)
+    assert math.isnan(cycles(series(time, voltage, current), Limits(lower=1.0))[0].discharge.charge_to_limit)
+
+
+def test_discharges_alone_fade_if_the_capacity_is_known():
+    """Each that begins with a full cell is a cycle; a short one is not taken, and without a capacity none is."""
+    rows, start = [], 0.0
+    for number in range(5):
+        time, voltage, current = cell.cycle(20.0, capacity=1.4 * (1.0 - 0.01 * number))
+        first, last = np.flatnonzero(current < 0)[[0, -1]]
+        part = slice(first - 3, (3 * first + last) // 4 if number == 3 else last + 20)
+        rows.append((time[part] - time[first - 3] + start, voltage[part], current[part]))
+        start = rows[-1][0][-1] + 20.0
+    time, voltage, current = (np.concatenate(each) for each in zip(*rows, strict=True))
+    found = summarise(series(time, voltage, current), limits=LIMITS, declared=Declared(capacity=1.4))
+    assert [each.number for each in found.compared] == [1, 2, 3, 5]
+    assert found.fades["discharge_capacity"].slope.value == pytest.approx(-0.01 * 0.8 * 1.4, rel=0.1)
+    assert "charge_energy" not in found.fades
+    assert not summarise(series(time, voltage, current), limits=LIMITS).fades
+
+
+@pytest.mark.parametrize("column", [0, 1, 2])
+def test_numbers_near_the_ends_are_refused(column):
+    """1e300 is no time, voltage or current; the row is named."""
+    columns = [np.array(each) for each in cell.cycle(60.0)]
+    columns[column][-1] = 1e300
+    with pytest.raises(Refused, match=rf"1e\+300, in row {columns[0].size}, cannot be"):
+        series(*columns)

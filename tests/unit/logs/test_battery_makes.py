@@ -187,6 +187,15 @@ def test_a_make_is_read_by_its_mapping_alone(tmp_path, make):
     assert (found["status"], found["reasons"]) == ("conclusive", [])
 
 
+def test_discharges_alone_are_read_by_their_mapping(tmp_path):
+    """Every discharge keeps its number, and what lies between them is not counted."""
+    found = analyse(tmp_path, discharges(0.02), EXAMPLES["Discharges"])
+    assert found["compared"] == [each["number"] for each in found["cycles"]] == [2, 4, 6, 8, 10]
+    slope = found["fade"]["discharge_capacity"]["slope"]["value"]
+    assert slope == pytest.approx(-0.02 * 0.8 * 1.4 / 2, rel=0.05)
+    assert (found["status"], found["reasons"]) == ("conclusive", [])
+
+
 def test_what_a_mapping_lacks_is_named_with_line_and_column(tmp_path):
     """A word that no list holds, a list of no words, a column that is not there, a key that is none."""
     for text, mapping, told in (

@@ -14,8 +14,19 @@ from hil.analysis.battery.series import Series
 from hil.analysis.battery.steps import Segmentation, Step, StepKind, gaps, segment
 from hil.analysis.tracing import traced
 
-__all__ = ["Cycle", "Group", "Resistance", "Rest", "cycles", "equivalent_full_cycles", "groups", "resistances"]
+__all__ = [
+    "Cycle",
+    "Group",
+    "Resistance",
+    "Rest",
+    "comparable",
+    "cycles",
+    "equivalent_full_cycles",
+    "groups",
+    "resistances",
+]
 
+_WHOLE = 0.5  # of the capacity: a discharge that gives less did not begin with a full cell
 _SLACK = 0.1  # V: under load the last sample before the cut-off lies above it by what one interval takes
 
 
@@ -65,9 +76,12 @@ def groups(data: Series, steps: Sequence[Step], limits: Limits) -> tuple[Group, 
 
 def _runs(data: Series, steps: Sequence[Step]) -> Iterator[list[Step]]:
     broken, leading = data.broken, _leading(data, steps)
+    charged = {data.test_of(step.first) for step in steps if step.kind is StepKind.CHARGE}
     group = [steps[0]]
     for before, step in pairwise(steps):
-        if broken[before.last] or _begins(data, group, step, leading.get(data.test_of(step.first))):
+        test = data.test_of(step.first)
+        full = data.cycle is None and test not in charged and _is_full_again(data, group, step)
+        if broken[before.last] or full or _begins(data, group, step, leading.get(test)):
             yield group
             group = []
         group.append(step)
@@ -90,6 +104,14 @@ def _begins(data: Series, group: Sequence[Step], step: Step, leading: StepKind |
     if data.cycle is not None:
         return _told(data, step) != _told(data, active[-1])
     return step.kind is leading and any(each.kind is not leading for each in active)
+
+
+def _is_full_again(data: Series, group: Sequence[Step], step: Step) -> bool:
+    """Tell whether a cell whose charges are not in the log rests as high before a discharge as before the first."""
+    discharges = [each.first for each in group if each.kind is StepKind.DISCHARGE]
+    if step.kind is not StepKind.DISCHARGE or not discharges:
+        return False
+    return bool(data.voltage[step.first - 1] > data.voltage[max(discharges[0] - 1, 0)] - _SLACK)
 
 
 def _told(data: Series, step: Step) -> int:
@@ -251,6 +273,30 @@ def resistances(data: Series, steps: Sequence[Step], how: Segmentation | None = 
             )
         )
     return tuple(found)
+
+
+def comparable(made: Sequence[Cycle], limits: Limits, capacity: float | None) -> tuple[Cycle, ...]:
+    """Return the cycles whose numbers medians and fades are taken from: the complete ones.
+
+    Of a log without any charge these are the discharges that reached the lower limit, if the capacity is known, and
+    gave at least half of it: no more can be told of whether they began with a full cell.
+
+    Args:
+        made: the cycles.
+        limits: of the test.
+        capacity: nominal, in Ah; None if it is not known.
+    """
+    if capacity is None or any(each.charge is not None for each in made):
+        return tuple(each for each in made if each.complete)
+    lowest = math.inf if limits.lower is None else limits.lower + _SLACK
+    return tuple(
+        each
+        for each in made
+        if (half := each.discharge) is not None
+        and half.lowest_voltage <= lowest
+        and half.charge >= _WHOLE * capacity
+        and not half.gaps
+    )
 
 
 def equivalent_full_cycles(made: Sequence[Cycle], capacity: float) -> float:

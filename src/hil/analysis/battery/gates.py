@@ -62,7 +62,7 @@ class Told:
         charge_out: Ah of a discharge.
         energy_in: Wh of a charge.
         energy_out: Wh of a discharge.
-        highest: V, of all samples.
+        highest: V, of all samples, also those of rests.
         lowest: V.
         duration: s that one cycle lasts.
         count: how many cycles there were.
@@ -84,11 +84,12 @@ class Told:
     swing: float = math.nan
 
 
-def told(made: Sequence[Cycle]) -> Told:
+def told(made: Sequence[Cycle], whole: Sequence[Cycle] | None = None) -> Told:
     """Return the numbers of a test from its cycles: medians over those that are complete, extremes over all.
 
     Args:
         made: the cycles; without a complete one only the extremes are numbers.
+        whole: those that medians are taken from, by default the complete ones.
     """
     halves = [half for each in made for half in (each.charge, each.discharge) if half is not None]
     extremes = Told(
@@ -96,7 +97,7 @@ def told(made: Sequence[Cycle]) -> Told:
         lowest=min((half.lowest_voltage for half in halves), default=math.nan),
         swing=_swing(halves),
     )
-    whole = [each for each in made if each.complete]
+    whole = [each for each in made if each.complete] if whole is None else whole
     if not whole:
         return extremes
     ins, outs = [each.charge for each in whole], [each.discharge for each in whole]
@@ -147,7 +148,7 @@ def _gates(numbers: Told, declared: Declared) -> Iterator[Gate]:
     yield _between("energy_efficiency", "1", _over(numbers.energy_out, numbers.energy_in), declared.energetic, advice)
     ratio = _over(numbers.charge_out, declared.capacity)
     advice = "the gain of the current or the declared value is wrong"
-    milli = "currents are taken as A; convert mA first"
+    milli = "currents are taken as A; give --current-unit mA if they are in mA"
     yield _between("capacity_ratio", "1", ratio, declared.nominal, milli if ratio > _MILLI else advice)
     yield _between("energy_ratio", "1", _over(numbers.energy_out, declared.energy), declared.nominal, advice)
     yield _elapsed(numbers, declared)
@@ -221,6 +222,8 @@ def _limit(name: str, value: float, limit: float | None, slack: float) -> Gate:
     ok = value <= limit + slack if slack >= 0 else value >= limit + slack
     found = f"{value:.4g} V, limit {limit:g} V"
     advice = "stop such a test, and find out what drove the cell beyond it"
+    if value > _MILLI * limit:
+        advice = "voltages are taken as V; give --voltage-unit mV if they are in mV"
     return Gate(name=name, channel="", ok=ok, reason=found if ok else f"{found}: {advice}")
 
 
@@ -229,4 +232,5 @@ def _over(value: float, by: float | None) -> float:
 
 
 def _median(halves: Sequence[HalfCycle | None], what: str) -> float:
-    return float(np.median([getattr(half, what) for half in halves if half is not None]))
+    values = [getattr(half, what) for half in halves if half is not None]
+    return float(np.median(values)) if values else math.nan

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.analysis.battery.counted import counted
-from hil.analysis.battery.integration import one_way
+from hil.analysis.battery.integration import cumulative, one_way
 from hil.analysis.battery.series import Series, can_be_warm
 from hil.analysis.battery.steps import Segmentation, Step, StepKind, gaps
 from hil.analysis.tracing import traced
@@ -120,6 +120,9 @@ class HalfCycle:
         cv_time: s at constant voltage.
         cv_charge: Ah at constant voltage.
         time_to_limit: s to the upper voltage of a charge, to the lower of a discharge; first crossing.
+        charge_to_limit: Ah until then, for a discharge the capacity at the cut-off voltage; between two samples on a
+            straight line, as the voltage. NaN where the limit was not reached.
+        energy_to_limit: likewise Wh.
         time_to_cut_off: s until the current fell below the cut-off; first crossing.
         limit_sensitivity: by how many s `time_to_limit` of a discharge moves per V of the level, or of an offset of
             the meter; from the last 0.05 V before it. NaN for a charge.
@@ -149,6 +152,8 @@ class HalfCycle:
     cv_time: float
     cv_charge: float
     time_to_limit: float
+    charge_to_limit: float
+    energy_to_limit: float
     time_to_cut_off: float
     limit_sensitivity: float
     cut_off_sensitivity: float
@@ -229,6 +234,8 @@ def half_cycle(data: Series, steps: Sequence[Step], flows: Flow, limits: Limits)
         cv_time=cv_time,
         cv_charge=cv_charge,
         time_to_limit=time_to_limit,
+        charge_to_limit=_until(time_to_limit, elapsed, steps, parts, flows.charge[kind]),
+        energy_to_limit=_until(time_to_limit, elapsed, steps, parts, flows.energy[kind]),
         time_to_cut_off=time_to_cut_off,
         limit_sensitivity=limit_sensitivity,
         cut_off_sensitivity=cut_off_sensitivity,
@@ -302,6 +309,23 @@ def _time_to_limit(
         return math.nan, math.nan
     reached = first_fall(elapsed, voltage, limits.lower)
     return reached, (reached - first_fall(elapsed, voltage, limits.lower + _LAST_V)) / _LAST_V
+
+
+def _until(
+    moment: float,
+    elapsed: NDArray[np.float64],
+    steps: Sequence[Step],
+    parts: NDArray[np.int64],
+    flowing: NDArray[np.float64],
+) -> float:
+    """Return what has flowed until a moment of the steps, in Ah or Wh."""
+    first = int(parts[0]) if parts.size else steps[0].first
+    own = np.zeros(steps[-1].last - first)
+    inside = parts[parts < steps[-1].last]
+    own[inside - first] = flowing[inside]
+    reached = cumulative(own)
+    at = np.concatenate([reached[step.first - first : step.last + 1 - first] for step in steps])
+    return math.nan if math.isnan(moment) else float(np.interp(moment, elapsed, at))
 
 
 def _time_to_cut_off(

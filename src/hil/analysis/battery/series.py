@@ -17,6 +17,7 @@ SECONDS_PER_HOUR = 3600.0
 _WARMTH = (-60.0, 120.0)  # degC: no cell is tested beyond these, but an open or shorted sensor reads so
 
 _LEAST = 3  # samples
+_LARGEST = 1e15  # of whatever unit: far beyond any test, far below where a square is no number
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,7 +93,7 @@ def series(  # noqa: PLR0913 - one argument per column
         stretch: numbers of stretches.
 
     Raises:
-        Refused: arrays of different lengths, fewer than three samples, times that go back.
+        Refused: arrays of different lengths, fewer than three samples, times that go back, numbers that cannot be.
     """
     rows = [np.asarray(each, dtype=float) for each in (time, voltage, current)]
     given = (temperature, cycle, charge, energy, test, stretch)
@@ -103,6 +104,10 @@ def series(  # noqa: PLR0913 - one argument per column
     if others[1] is not None:
         whole &= np.isfinite(others[1])
     times, voltages, currents = (each[whole] for each in rows)
+    for name, values in (("time", times), ("voltage", voltages), ("current", currents)):
+        if values.size and (largest := float(np.abs(values).max())) > _LARGEST:
+            place = int(np.flatnonzero(whole)[np.abs(values).argmax()])
+            raise Refused(f"a {name} of {largest:.3g}, in row {place + 1}, cannot be", "mend the row, or leave it out")
     if times.size < _LEAST:
         found = "1 whole sample is" if times.size == 1 else f"{times.size} whole samples are"
         raise Refused(f"{found} too few", f"record at least {_LEAST}")

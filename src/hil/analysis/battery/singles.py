@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from hil.analysis.battery.cycles import Cycle
 from hil.analysis.battery.half_cycle import HalfCycle
 from hil.analysis.battery.series import Series, can_be_warm
-from hil.analysis.battery.steps import Step
+from hil.analysis.battery.steps import Step, StepKind
 from hil.analysis.gates import Gate
 
 __all__ = ["judge_singles", "judge_states"]
@@ -22,6 +22,7 @@ _MOST = 100.0  # A: no cell of a small satellite takes so much
 _STEEP = 10.0  # times the usual change from sample to sample of its step by which a single row may stand out
 _SHARE = 0.1  # of the step's current by which it may
 _FAINT = 0.02  # of the usual current by which it may in any step: in a rest the last digit comes and goes
+_BACK, _BACK_SHARE = 0.5, 0.15  # V, and of the highest voltage: so far no change of current within a step takes it
 _NAMED = 3  # of those that are doubted, the first
 
 
@@ -37,7 +38,14 @@ def judge_singles(
         capacity: nominal, in Ah; None if it is not known.
         runs: whether the log is said to consist of runs.
     """
-    return (_one_stretch(data, runs=runs), _coulombic(made), _own_energy(made), *_rows(data, steps, made, capacity))
+    return (
+        _one_stretch(data, runs=runs),
+        _coulombic(made),
+        _own_energy(made),
+        *_rows(data, steps, made, capacity),
+        _direction(data, steps, made),
+        _resistance(made),
+    )
 
 
 def _rows(data: Series, steps: Sequence[Step], made: Sequence[Cycle], capacity: float | None) -> Iterator[Gate]:
@@ -47,7 +55,9 @@ def _rows(data: Series, steps: Sequence[Step], made: Sequence[Cycle], capacity: 
     if capacity is not None:
         yield _gate("current_unit", None, "judged by capacity_ratio")
         return
-    advice = "" if usual <= _MOST else ": currents are taken as A; convert mA first, or give --capacity"
+    advice = (
+        "" if usual <= _MOST else ": currents are taken as A; give --current-unit mA if they are in mA, else --capacity"
+    )
     yield _gate("current_unit", usual <= _MOST, f"{usual:.3g} A, expected at most {_MOST:g} A{advice}")
 
 
@@ -64,6 +74,39 @@ def judge_states(rows: NDArray[np.int64] | None) -> Gate:
     told = "1 row has" if rows.size == 1 else f"{rows.size} rows have"
     found = f"{told} a current that flows in a rest or against its state, first row {rows[0] + 1}"
     return _gate("state", False, f"{found}: check the lists of `states:` and --discharge-positive")
+
+
+def _direction(data: Series, steps: Sequence[Step], made: Sequence[Cycle]) -> Gate:
+    """Return whether the voltage goes the way of the current in each step: an unsigned current goes one way only."""
+    against = list[tuple[int, str]]()
+    for step in steps:
+        part = data.voltage[step.first : step.last + 1]
+        if step.kind is StepKind.REST or part.size < 2:
+            continue
+        back = part.max() - part[-1] if step.kind is StepKind.CHARGE else part[-1] - part.min()
+        if back > max(_BACK, _BACK_SHARE * abs(float(part.max()))):
+            way = "falls" if step.kind is StepKind.CHARGE else "rises"
+            against.append((step.last, f"{way} by {back:.3g} V in the {step.kind} from {data.time[step.first]:g} s"))
+    found = "in no charge the voltage falls far, in no discharge it rises far"
+    if not against:
+        return _gate("direction", True, found)
+    advice = "has the current no sign? Name the column of states in a --mapping"
+    named = _named([what for _, what in against])
+    rows = np.array([place for place, _ in against])
+    return _gate("direction", False, f"the voltage {named}: {advice}", _holding(data, made, rows))
+
+
+def _resistance(made: Sequence[Cycle]) -> Gate:
+    edges = [(each.number, edge) for each in made for edge in each.resistances]
+    if not edges:
+        return _gate("resistance", None, "not judged: there is no edge of current")
+    bad = [(number, edge) for number, edge in edges if edge.value < 0.0]
+    found = "above zero at every edge of current"
+    if not bad:
+        return _gate("resistance", True, found)
+    named = _named([f"{edge.before} to {edge.after} in cycle {number} {edge.value:.3g} ohm" for number, edge in bad])
+    advice = "the sign of the current is wrong, or voltage and current are not of the same moment"
+    return _gate("resistance", False, f"{named}; expected {found}: {advice}", [number for number, _ in bad])
 
 
 def _one_stretch(data: Series, *, runs: bool) -> Gate:

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
-from hil.analysis.battery.cycles import Cycle, cycles
+from hil.analysis.battery.cycles import Cycle, comparable, cycles
 from hil.analysis.battery.fade import Fade, fade
 from hil.analysis.battery.gates import Declared, judge, told
 from hil.analysis.battery.half_cycle import Limits, flow
@@ -20,11 +20,14 @@ from hil.analysis.gates import Gate
 from hil.analysis.tracing import traced
 from hil.model.errors import Refused
 
+_LEAST = 3  # cycles of a fade
+
 __all__ = ["FADING", "Summary", "incremental_capacities", "summarise"]
 
 FADING = MappingProxyType(
     {
         "discharge_capacity": "Ah",
+        "capacity_at_cut_off": "Ah",
         "discharge_energy": "Wh",
         "discharge_time": "s",
         "charge_energy": "Wh",
@@ -40,11 +43,13 @@ class Summary:
 
     Attributes:
         cycles: in order.
-        fades: by name of quantity, over the complete cycles; empty if they are too few.
+        compared: those that medians and fades are taken from.
+        fades: by name of quantity, over these; empty if they are too few.
         gates: all of them, also those that could not be judged.
     """
 
     cycles: tuple[Cycle, ...]
+    compared: tuple[Cycle, ...]
     fades: Mapping[str, Fade]
     gates: tuple[Gate, ...]
 
@@ -73,8 +78,11 @@ def summarise(
     """
     limits, declared = limits or Limits(), declared or Declared()
     made = cycles(data, limits, how)
+    whole = comparable(made, limits, declared.capacity)
     numbers = replace(
-        told(made),
+        told(made, whole),
+        highest=float(data.voltage.max()),
+        lowest=float(data.voltage.min()),
         count=math.nan if counted is None else float(counted),
         elapsed=float(data.time[-1] - data.time[0]),
         interval=usual_interval(data.time),
@@ -85,7 +93,8 @@ def summarise(
         lower=limits.lower if declared.lower is None else declared.lower,
     )
     singles = judge_singles(data, segment(data, how), made, capacity=declared.capacity, runs=declared.runs)
-    return Summary(cycles=made, fades=_fades(made, skip, remaining), gates=(*judge(numbers, facts), *singles))
+    gates = (*judge(numbers, facts), *singles)
+    return Summary(cycles=made, compared=whole, fades=_fades(whole[skip:], remaining), gates=gates)
 
 
 def incremental_capacities(
@@ -113,22 +122,27 @@ def incremental_capacities(
     return tuple(found)
 
 
-def _fades(made: Sequence[Cycle], skip: int, remaining: float) -> dict[str, Fade]:
-    whole = [each for each in made if each.complete][skip:]
-    if len(whole) < 3:
-        return {}
-    numbers = [each.number for each in whole]
-    rows = {name: [_value(each, name) for each in whole] for name in FADING}
-    return {name: fade(numbers, row, FADING[name], remaining=remaining) for name, row in rows.items()}
+def _fades(whole: Sequence[Cycle], remaining: float) -> dict[str, Fade]:
+    found = {}
+    for name, unit in FADING.items():
+        rows = [(each.number, _value(each, name)) for each in whole]
+        rows = [row for row in rows if math.isfinite(row[1])]
+        if len(rows) >= _LEAST:
+            numbers, values = zip(*rows, strict=True)
+            found[name] = fade(numbers, values, unit, remaining=remaining)
+    return found
 
 
 def _value(cycle: Cycle, name: str) -> float:
-    if cycle.charge is None or cycle.discharge is None:
-        return math.nan
-    return {
-        "discharge_capacity": cycle.discharge.charge,
-        "discharge_energy": cycle.discharge.energy,
-        "discharge_time": cycle.discharge.duration,
-        "charge_energy": cycle.charge.energy,
-        "energy_efficiency": cycle.energy_efficiency,
-    }[name]
+    """Return a quantity, NaN where its half of the cycle is missing."""
+    if name == "energy_efficiency":
+        return cycle.energy_efficiency
+    half = cycle.charge if name == "charge_energy" else cycle.discharge
+    values = {
+        "discharge_capacity": "charge",
+        "capacity_at_cut_off": "charge_to_limit",
+        "discharge_energy": "energy",
+        "discharge_time": "duration",
+        "charge_energy": "energy",
+    }
+    return math.nan if half is None else float(getattr(half, values[name]))

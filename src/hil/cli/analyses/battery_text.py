@@ -19,14 +19,13 @@ from hil.analysis.battery.steps import Segmentation, StepKind, segment
 from hil.analysis.battery.summary import Summary, incremental_capacities
 from hil.cli.analyses.log import INCONCLUSIVE, gates_as_json
 from hil.logs.battery import BatteryLog
-from hil.report.tables import aligned
+from hil.report.tables import aligned, fitting
 
 __all__ = ["Result", "as_json", "as_text"]
 
-_CYCLE = (
-    "cycle", "kind", "Ah", "Wh", "mean V", "duration", "at limit", "cut-off", "CV Ah", "degC from..to", "rise K",
-)  # fmt: skip
+_CYCLE = ("cycle", "kind", "Ah", "Wh", "mean V", "duration", "at limit", "cut-off", "CV Ah")
 _NUMBERS = frozenset(range(2, len(_CYCLE)))
+_WIDTH = 80
 _SUMS = ("net", "trapezoid", "counted edges", "its own", "difference", "relative")
 
 
@@ -64,6 +63,7 @@ def as_json(result: Result) -> str:
         "nominal_capacity_Ah": result.capacity,
         "equivalent_full_cycles": _through(result),
         "cycles": [asdict(each) for each in summary.cycles],
+        "compared": [each.number for each in summary.compared],
         "incremental_capacity_peaks": {
             kind.value: [[asdict(peak) for peak in curve.peaks] for curve in _curves(result, kind)] for kind in _KINDS
         },
@@ -101,9 +101,9 @@ def as_text(result: Result) -> str:
     hours = float(result.data.time[-1] - result.data.time[0]) / SECONDS_PER_HOUR
     made = result.summary.cycles
     head = f"{result.file} ({result.log.maker}): {result.data.time.size} rows, {hours:.4g} h, {_count(len(made))}"
-    lines = [head, *(f"note: {remark}" for remark in _remarks(result))]
+    lines = [f"note: {remark}" for remark in _remarks(result)]
     lines += _sums_as_lines(result.log, result.data, result.how)
-    lines += ["", *_cycles(made), "", *_edges(made)]
+    lines += ["", *_cycles(result.summary), "", *_edges(made)]
     for kind in _KINDS:
         curves = _curves(result, kind)
         if curves and curves[0].peaks:
@@ -114,12 +114,17 @@ def as_text(result: Result) -> str:
     for name, each in result.summary.fades.items():
         lines += ["", *_fade(name, each)]
     if not result.summary.fades:
-        whole = sum(cycle.complete for cycle in made)
-        lines.append(
-            f"no fade: {whole} of {_count(len(made))} complete; it needs three after those that --skip leaves out"
-        )
+        lines.append(_no_fade(result))
     lines += ["", *_gates(result.summary)]
-    return "\n".join(lines)
+    return "\n".join([head, *fitting(lines, _WIDTH)])
+
+
+def _no_fade(result: Result) -> str:
+    made = result.summary.cycles
+    if made and result.capacity is None and all(cycle.charge is None for cycle in made):
+        return "no fade: the log holds discharges only; give --capacity, against which to tell whole ones"
+    told = f"{len(result.summary.compared)} of {_count(len(made))} complete"
+    return f"no fade: {told}; it needs three after those that --skip leaves out"
 
 
 def _remarks(result: Result) -> list[str]:
@@ -141,8 +146,9 @@ def _count(number: int) -> str:
     return "1 cycle" if number == 1 else f"{number} cycles"
 
 
-def _cycles(made: tuple[Cycle, ...]) -> Iterator[str]:
+def _cycles(summary: Summary) -> Iterator[str]:
     """Give a line for each half of a cycle, and below them what else is known of it."""
+    made, compared = summary.cycles, {each.number for each in summary.compared}
     halves = [
         (cycle.number, name, half)
         for cycle in made
@@ -154,14 +160,24 @@ def _cycles(made: tuple[Cycle, ...]) -> Iterator[str]:
     yield head
     for cycle in made:
         yield from (line for (number, *_), line in zip(halves, lines, strict=True) if number == cycle.number)
-        yield from (f"       {line}" for line in _remarks_of(cycle))
+        yield from (f"       {line}" for line in _remarks_of(cycle, compared=cycle.number in compared))
 
 
-def _remarks_of(cycle: Cycle) -> Iterator[str]:
+def _remarks_of(cycle: Cycle, *, compared: bool) -> Iterator[str]:
+    out = cycle.discharge
+    if out is not None and math.isfinite(out.charge_to_limit):
+        yield f"down to the lower limit: {out.charge_to_limit:.5f} Ah, {out.energy_to_limit:.5f} Wh"
     if cycle.charge is not None and cycle.discharge is not None:
         told = f"coulombic {_cell(cycle.coulombic_efficiency, 5)}, energy {_cell(cycle.energy_efficiency, 5)}"
         yield f"efficiency: {told}"
-    if not cycle.complete:
+    warm = [
+        f"{name} {half.temperature_low:.3g} to {half.temperature_high:.3g} degC, rise {half.temperature_rise:.2g} K"
+        for name, half in (("charge", cycle.charge), ("discharge", out))
+        if half is not None and math.isfinite(half.temperature_low)
+    ]
+    if warm:
+        yield "; ".join(warm)
+    if not compared:
         yield "incomplete cycle: left out of fade and medians"
     bridged = sum(half.gaps for half in (cycle.charge, cycle.discharge) if half is not None)
     if bridged:
@@ -176,8 +192,6 @@ def _half(half: HalfCycle) -> tuple[str, ...]:
         f"{half.mean_voltage:.4f}",
         *map(_clock, times),
         f"{half.cv_charge:.4f}",
-        f"{_cell(half.temperature_low, 3)}..{_cell(half.temperature_high, 3)}",
-        _cell(half.temperature_rise, 2),
     )
 
 
