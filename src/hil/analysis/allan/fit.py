@@ -1,7 +1,8 @@
-"""Weighted, non-negative fit of white noise, flicker and random walk to an Allan variance.
+"""Weighted fit of quantisation, white noise, flicker and random walk to the Allan variance without a line.
 
-Definitions follow IEEE Std 952-1997, annex C: two-sided spectra of the rate N^2 (white), B^2 / (2 pi f) (flicker) and
-K^2 / (2 pi f)^2 (random walk). The fit works on the squares, in which the Allan variance is linear.
+Definitions follow IEEE Std 952-1997, annex C: two-sided spectra of the rate (2 pi f)^2 Q^2 / rate (quantisation of the
+angle), N^2 (white), B^2 / (2 pi f) (flicker) and K^2 / (2 pi f)^2 (random walk). The fit works on the squares, in
+which the Allan variance is linear.
 """
 
 from __future__ import annotations
@@ -15,18 +16,22 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.analysis.allan.confidence import edf
+from hil.analysis.allan.ends import End, ends
 
 __all__ = ["TERMS", "Fit", "Points", "fit", "variances"]
 
 _Array: TypeAlias = NDArray[np.float64]
 
-TERMS: Mapping[str, int] = {"white": 0, "flicker": -1, "random_walk": -2}
+TERMS: Mapping[str, int] = {"quantisation": 2, "white": 0, "flicker": -1, "random_walk": -2}
 """The fitted terms and the noise type of each."""
 
-_SUBSETS = tuple(subset for size in (1, 2, 3) for subset in combinations(range(3), size))
+_SUBSETS = tuple(subset for size in (1, 2, 3, 4) for subset in combinations(range(4), size))
 _FLOOR_OF_FLICKER = 2.0 * math.log(2.0) / math.pi
 _DISCRETE_UP_TO = 32  # averaging factor above which sampled flicker is its floor to better than 1e-4
+_UNIFORM = (
+    1.2 * 36.0 / 140.0
+)  # by which errors of quantisation, evenly spread, make a variance scatter less than Gaussian ones
+_PENALTY = 9.0  # of a term, in chi-square: three standard deviations, passed by chance once in 400 records
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,51 +40,54 @@ class Points:
 
     Attributes:
         rate: samples per second.
+        samples: length of the record, of which a line was taken off.
         m: averaging factors.
         terms: number of averaged second differences.
         variance: Allan variances.
-        edf: equivalent degrees of freedom, as a first guess.
     """
 
     rate: float
+    samples: int
     m: NDArray[np.int64]
     terms: NDArray[np.int64]
     variance: _Array
-    edf: _Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fit:
-    """A fitted noise model; arrays of shape (3,), in the order of TERMS.
+    """A fitted noise model; arrays of shape (4,), in the order of TERMS.
 
     Attributes:
-        squares: N^2, B^2 and K^2 of the selected terms, zero for the others; never negative.
-        offered: the squares with all three terms in the fit, unconstrained; an unselected term may be negative.
-        uncertainty: standard uncertainties of `offered`.
+        squares: Q^2, N^2, B^2 and K^2 of the selected terms, zero for the others. Only Q^2 may be negative: a filter
+            before the sampling takes as much off at short averaging times, 3 M / 2 tau^2, as a quantised angle adds,
+            where M is the first absolute moment of the autocovariance of the filtered noise.
+        offered: the squares with all terms in the fit, unconstrained; an unselected term may be negative.
+        covariance: of `offered`, shape (4, 4).
         bound: upper bound of each square at 95 % confidence.
-        selected: which terms the Bayesian information criterion kept.
+        selected: which terms the criterion kept.
         chi: root of chi-square per degree of freedom.
         tail: probability of a chi-square at least as large if the model is right.
     """
 
     squares: _Array
     offered: _Array
-    uncertainty: _Array
+    covariance: _Array
     bound: _Array
-    selected: tuple[bool, bool, bool]
+    selected: tuple[bool, ...]
     chi: float
     tail: float
 
 
 def variances(m: NDArray[np.int64], rate: float) -> _Array:
-    """Return the Allan variance of each term for a unit square, shape (k, 3), exact for sampled noise.
+    """Return the Allan variance of each term for a unit square, shape (k, 4), exact for sampled noise.
 
-    White: 1 / tau. Flicker: 2 ln 2 / pi for large m; for small m the integral over its spectrum up to half the sampling
-    rate, with the transfer function of averages of m samples, sin^4(pi m f) / (m sin(pi f))^2. Random walk:
-    (2 m^2 + 1) / (6 m rate), which is tau / 3 for large m.
+    Quantisation: 3 / tau^2. White: 1 / tau. Flicker: 2 ln 2 / pi for large m; for small m the integral over its
+    spectrum up to half the sampling rate, with the transfer function of averages of m samples,
+    sin^4(pi m f) / (m sin(pi f))^2. Random walk: (2 m^2 + 1) / (6 m rate), which is tau / 3 for large m.
     """
     flicker = [_sampled_flicker(each) for each in m.tolist()]
-    return np.column_stack([rate / m, flicker, (2.0 * m**2 + 1.0) / (6.0 * m * rate)])
+    walk = (2.0 * m**2 + 1.0) / (6.0 * m * rate)
+    return np.column_stack([3.0 * (rate / m) ** 2, rate / m, flicker, walk])
 
 
 def _sampled_flicker(m: int) -> float:
@@ -92,143 +100,164 @@ def _sampled_flicker(m: int) -> float:
     return float(integrand.sum() * edges[1] * 2.0 / (math.pi * m**2))
 
 
-def fit(points: Points, floor: float) -> Fit:
-    """Fit every subset of the terms and return the one with the lowest Bayesian information criterion.
+def fit(points: Points) -> Fit:
+    """Fit every subset of the terms and return the one with the smallest chi-square, 9 being paid for each term.
 
-    Weighted least squares with weights edf / model^2, iterated until the model repeats itself: the estimating equation
-    of a gamma variate, unbiased also where few degrees of freedom make the points skewed. A subset with a negative
-    square is left out. Overlapping points are correlated; the covariance of the squares is that of the estimator under
-    the correlation of the fitted noise, not the inverse of the normal matrix.
+    Generalised least squares with the relative covariance of the points under the fitted noise, relative to the model
+    and iterated until it repeats itself: the estimating equation of a gamma variate, unbiased also where few degrees
+    of freedom make the points skewed. A subset with a negative N^2, B^2 or K^2, or variance, is left out. What is
+    offered comes from all terms together, so that a term that was not selected bends no other.
 
     Args:
         points: what to fit; at least one point more than terms.
-        floor: relative standard uncertainty of the model itself, as a deviation; it adds to the weights, and as a
-            common scale to the uncertainties.
     """
-    design = variances(points.m, points.rate)
-    degrees = points.edf
-    correlation = np.eye(points.m.size)
-    squares = np.zeros(3)
+    work = _work(points)
+    squares, covariance = _started(work), np.eye(points.m.size)
     for _ in range(3):
-        squares = _select(points.variance, design, _relative(degrees, floor), correlation)
-        degrees = _degrees(points, design * squares)
-        correlation = _correlation(points, squares)
-    return _judged(points, design, squares, degrees, correlation, floor)
+        covariance = work.covariance(squares)
+        squares = _select(work, covariance)
+    return _judged(work, squares, work.covariance(squares))
 
 
-def _relative(degrees: _Array, floor: float) -> _Array:
-    """Relative variance of each Allan variance."""
-    return np.asarray(2.0 / degrees + (2.0 * floor) ** 2, dtype=np.float64)
+@dataclass(frozen=True, slots=True)
+class _Work:
+    """What all fits of one set of points share: expectations with and without the line, spectra, ends."""
+
+    points: Points
+    whole: _Array
+    design: _Array
+    ends: tuple[End | None, ...]
+    tilted: _Array
+    spectra: _Array
+    passed: _Array
+    widths: _Array
+
+    def covariance(self, squares: _Array) -> _Array:
+        """Relative covariance of the points under a mixture of noises, shape (k, k).
+
+        The covariance of two Allan variances of one long record is proportional to the integral of
+        S(f)^2 |H_i|^2 |H_j|^2, with |H|^2 the transfer function of the Allan variance and S the spectrum of the noise
+        (mean products of Gaussian variates, Isserlis 1918). At the longest averaging times the ends of the record and
+        its line matter: there the variances, though not the correlations, are those of `ends`.
+        """
+        present = np.maximum(squares, 0.0)
+        power = self.passed * (self.spectra @ present)
+        product = (power * self.widths) @ power.T
+        size = np.sqrt(np.diag(product))
+        degrees = 2.0 * self.points.terms * np.square(power @ self.widths / size)
+        parts = self.whole[:, 1:] * present[1:]
+        for place, end in enumerate(self.ends):
+            if end is not None and parts[place].any():
+                degrees[place] = end.edf(parts[place] / parts[place].sum())
+        quantised = self.design[:, 0] * present[0] / (self.design @ present)
+        spread = np.sqrt(2.0 / degrees * (1.0 - _UNIFORM * np.square(quantised))) / size
+        relative = product * np.outer(spread, spread)
+        relative[np.diag_indices_from(relative)] += 2.0 * np.square(quantised * self.tilted)
+        return np.asarray(relative, dtype=np.float64)
 
 
-def _select(variance: _Array, design: _Array, relative: _Array, correlation: _Array) -> _Array:
-    best, chosen = math.inf, np.zeros(3)
-    for subset in _SUBSETS:
-        squares = _solve(variance, design, relative, subset)
-        if squares is None:
-            continue
-        model = design @ squares
-        misfit = _misfit(variance, model, relative, correlation)
-        criterion = misfit + float(np.log(model).sum()) * 2.0 / 3.0 + len(subset) * math.log(variance.size)
-        if criterion < best:
-            best, chosen = criterion, squares
-    return chosen
-
-
-def _solve(variance: _Array, design: _Array, relative: _Array, subset: tuple[int, ...]) -> _Array | None:
-    columns = design[:, subset]
-    model: _Array = variance
-    part: _Array = np.zeros(len(subset))
-    for _ in range(50):
-        scale = 1.0 / (model * np.sqrt(relative))
-        part = np.asarray(np.linalg.lstsq(columns * scale[:, None], variance * scale, rcond=None)[0], dtype=np.float64)
-        previous, model = model, np.asarray(columns @ part, dtype=np.float64)
-        if not (part > 0.0).all():
-            return None
-        if (np.abs(model - previous) <= 1e-9 * previous).all():
-            break
-    squares = np.zeros(3)
-    squares[list(subset)] = part
-    return squares
-
-
-def _misfit(variance: _Array, model: _Array, relative: _Array, correlation: _Array) -> float:
-    """Chi-square of the cube roots, which are nearly normal (Wilson and Hilferty 1931), with their correlation."""
-    spread = relative / 9.0
-    residual = (np.cbrt(variance / model) - (1.0 - spread)) / np.sqrt(spread)
-    return float(residual @ np.linalg.solve(correlation, residual))
-
-
-def _degrees(points: Points, parts: _Array) -> _Array:
-    """Degrees of freedom of each point under the fitted mixture; parts has shape (k, 3)."""
-    shares = parts / parts.sum(axis=1, keepdims=True)
-    return np.array(
-        [
-            edf(dict(zip(TERMS.values(), (float(share) for share in row), strict=True)), int(m), int(terms))
-            for row, m, terms in zip(shares, points.m, points.terms, strict=True)
-        ]
-    )
-
-
-def _correlation(points: Points, squares: _Array) -> _Array:
-    """Correlation of the Allan variances of one long record of the fitted noise, shape (k, k).
-
-    Their covariance is proportional to the integral of S(f)^2 |H_i|^2 |H_j|^2, with |H|^2 the transfer function of the
-    Allan variance and S the spectrum of the fitted noise (mean products of Gaussian variates, Isserlis 1918).
-    """
+def _work(points: Points) -> _Work:
+    whole = variances(points.m, points.rate)
+    found = tuple(ends(points.samples, m) for m in points.m.tolist())
+    tilted = 12.0 * (points.m / points.samples) ** 4  # what the line adds to quantisation: tau^2 times 72 Q^2 / T^4 / 2
+    kept = np.array([np.ones(3) if end is None else end.kept for end in found])
+    design = whole * np.column_stack([1.0 + tilted, kept])
     longest = float(points.m.max())
     frequency = np.geomspace(0.01 / longest, 0.5, 128 * (6 + round(math.log2(longest))))
     angle = np.pi * frequency
     around = 2.0 * np.pi * frequency * points.rate
-    walk = (2.0 * points.rate * np.sin(angle)) ** 2
-    spectrum = squares[0] + squares[1] / around + squares[2] / walk
+    step = (2.0 * points.rate * np.sin(angle)) ** 2
+    spectra = np.column_stack([step / points.rate, np.ones(frequency.size), 1.0 / around, 1.0 / step])
     passed = np.sin(np.multiply.outer(points.m, angle)) ** 4 / (np.sin(angle) * points.m[:, None]) ** 2
-    weighted = passed * spectrum * np.sqrt(frequency)
-    weighted /= np.linalg.norm(weighted, axis=1, keepdims=True)
-    return np.asarray(np.einsum("if,jf->ij", weighted, weighted), dtype=np.float64)
+    widths = frequency * math.log(frequency[1] / frequency[0])
+    return _Work(points, whole, design, found, tilted, spectra, passed, widths)
 
 
-def _judged(points: Points, design: _Array, squares: _Array, degrees: _Array, correlation: _Array, floor: float) -> Fit:
+def _started(work: _Work) -> _Array:
+    """Return the first guess: white noise and random walk through the first and the last point."""
+    ratio = work.points.variance[:, None] / work.design
+    return np.array([0.0, ratio[0, 1], 0.0, ratio[-1, 3]]) / 2.0
+
+
+def _select(work: _Work, covariance: _Array) -> _Array:
+    lower = np.asarray(np.linalg.cholesky(covariance), dtype=np.float64)
+    best, chosen = math.inf, np.zeros(4)
+    for subset in _SUBSETS:
+        squares = _solve(work, lower, subset)
+        if squares is None:
+            continue
+        model = work.design @ squares
+        criterion = _misfit(work.points.variance, model, covariance) + _PENALTY * len(subset)
+        if criterion < best:
+            best, chosen = criterion, squares
+    return chosen if chosen.any() else _started(work)
+
+
+def _solve(work: _Work, lower: _Array, subset: tuple[int, ...]) -> _Array | None:
+    places = list(subset)
+    variance, design = work.points.variance, work.design[:, places]
+    model: _Array = variance
+    squares = np.zeros(4)
+    for _ in range(50):
+        squares[places] = _estimator(design, model, lower) @ variance
+        previous, model = model, np.asarray(work.design @ squares, dtype=np.float64)
+        if not ((squares[1:] >= 0.0).all() and (model > 0.0).all()):
+            return None
+        if (np.abs(model - previous) <= 1e-6 * previous).all():
+            break
+    return squares if squares[places].all() and (0 not in subset or squares[0] > 0.0 or len(subset) > 1) else None
+
+
+def _estimator(design: _Array, model: _Array, lower: _Array) -> _Array:
+    """Return the matrix that takes variances to squares: generalised least squares relative to a model."""
+    scale = np.abs(design / model[:, None]).max(axis=0)
+    whitened = np.linalg.solve(lower, np.column_stack([design / scale, np.diag(model)]) / model[:, None])
+    left, right = whitened[:, : scale.size], whitened[:, scale.size :]
+    found = np.linalg.solve(left.T @ left, left.T @ right)
+    return np.asarray(found / scale[:, None] / model, dtype=np.float64)
+
+
+def _misfit(variance: _Array, model: _Array, covariance: _Array) -> float:
+    """Chi-square of the cube roots, which are nearly normal (Wilson and Hilferty 1931), with their covariance."""
+    residual = 3.0 * (np.cbrt(variance / model) - (1.0 - np.diag(covariance) / 9.0))
+    return float(residual @ np.linalg.solve(covariance, residual))
+
+
+def _judged(work: _Work, squares: _Array, covariance: _Array) -> Fit:
     from scipy.special import gammaincc  # noqa: PLC0415 - scipy is slow to import
 
+    variance, design = work.points.variance, work.design
     model = design @ squares
-    relative = _relative(degrees, floor)
-    misfit = _misfit(points.variance, model, relative, correlation)
-    selected = squares > 0.0
-    left = points.m.size - int(selected.sum())
-    scale = 1.0 / (model * np.sqrt(relative))
-    estimator = np.linalg.pinv(design * scale[:, None]) * scale
-    noise = correlation * np.sqrt(np.outer(2.0 / degrees, 2.0 / degrees))
-    offered = estimator @ points.variance
-    statistical = np.einsum("ij,jk,ik->i", estimator * model, noise, estimator * model)
+    misfit = _misfit(variance, model, covariance)
+    left = int(variance.size - np.count_nonzero(squares))
+    lower = np.asarray(np.linalg.cholesky(covariance), dtype=np.float64)
+    estimator = _estimator(design, model, lower)
+    offered = estimator @ variance
+    weighted = estimator * model
+    bounds = [_bound(design, squares, estimator, covariance, float(offered[term]), term) for term in range(4)]
     return Fit(
         squares=squares,
         offered=offered,
-        uncertainty=np.sqrt(statistical + (2.0 * floor * squares) ** 2),
-        bound=np.minimum(
-            _alone(points.variance, model, design, relative),
-            [_bound(design, squares, estimator, noise, float(offered[term]), term, floor) for term in range(3)],
-        ),
-        selected=(bool(selected[0]), bool(selected[1]), bool(selected[2])),
+        covariance=np.asarray(weighted @ covariance @ weighted.T, dtype=np.float64),
+        bound=np.minimum(_alone(variance, model, design, np.diag(covariance)), bounds),
+        selected=tuple((squares != 0.0).tolist()),
         chi=math.sqrt(misfit / left),
         tail=float(gammaincc(left / 2.0, misfit / 2.0)),
     )
 
 
-def _bound(
-    design: _Array, squares: _Array, estimator: _Array, noise: _Array, offered: float, term: int, floor: float
-) -> float:
+def _bound(design: _Array, squares: _Array, estimator: _Array, covariance: _Array, offered: float, term: int) -> float:
     """Largest square that would still have given the offered one, with its own noise counted, at 95 % confidence.
 
     Solves (x - offered)^2 = q^2 u(x)^2 for x, where u^2 is quadratic in x because the points' uncertainty is
     proportional to the model; without a solution the fit does not bound the term.
     """
-    others = design @ np.where(np.arange(3) == term, 0.0, squares)
+    others = design @ np.where(np.arange(4) == term, 0.0, squares)
     still, moved = estimator[term] * others, estimator[term] * design[:, term]
     found = max(offered, 0.0)
     quantile = 1.6449**2
-    constant, linear = quantile * float(still @ noise @ still), quantile * float(still @ noise @ moved)
-    square = 1.0 - quantile * (float(moved @ noise @ moved) + (2.0 * floor) ** 2)
+    constant, linear = quantile * float(still @ covariance @ still), quantile * float(still @ covariance @ moved)
+    square = 1.0 - quantile * float(moved @ covariance @ moved)
     if square <= 0.0:
         return math.inf
     half = found + linear
@@ -244,4 +273,4 @@ def _alone(variance: _Array, model: _Array, design: _Array, relative: _Array) ->
 
     widening = 1.0 / (relative * gammaincinv(1.0 / relative, 0.05))
     best = np.argmin((model * widening)[:, None] / design, axis=0)
-    return np.asarray((variance * widening)[best] / design[best, np.arange(3)], dtype=np.float64)
+    return np.asarray((variance * widening)[best] / design[best, np.arange(design.shape[1])], dtype=np.float64)

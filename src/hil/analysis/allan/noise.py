@@ -6,6 +6,7 @@ Definitions of the coefficients: IEEE Std 952-1997, annex C.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import TypeAlias
 
@@ -13,7 +14,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hil.analysis.allan import fit as allan_fit
+from hil.analysis.allan.curves import Slow, slow
 from hil.analysis.allan.deviation import deviation
+from hil.analysis.allan.ends import line, slope_variances
 from hil.analysis.allan.results import AllanCurve, NoiseModel
 from hil.analysis.statistics import not_observable
 from hil.analysis.tracing import traced
@@ -22,28 +25,45 @@ from hil.model.figure import Figure, FigureStatus
 
 __all__ = ["MovingAverage", "best_average", "characterise", "rest_mean"]
 
-_FEWEST_POINTS = 5  # one more than three terms and a degree of freedom for the misfit
-_WORST_TAIL = 1e-3  # a right model is rejected once in a thousand records
-_MODEL_ERROR = 0.03  # of the deviation: filters, quantisation and temperature bend real curves by about this
+_FEWEST_POINTS = 6  # two more than four terms
+_WORST_TAIL = 1e-3  # a right model is rejected once in a thousand records, as a misfit, and once as too good a fit
+_GOOD_TAIL = 0.05  # below it the shortest averaging times are left out, as long as that helps
 _SLOWEST, _FASTEST = 1e-9, 1e12  # Hz; beyond them products of rates and averaging times leave the range of numbers
 _KNOWN = 2.0  # a measured square is at least twice its standard uncertainty
+_SURE = 0.995  # of a ramp that is measured, to either side
+_BENT = 20.0  # gain of a curve with which a line is not measured any more: one record in thirty without any has it
+_NO_NOISE = 1e-13  # of the largest sample: what rounding leaves of a straight line
 _WELL_KNOWN_DOF = 10.0  # of a deviation that may be the smallest: averaging times up to about an eighth of the record
+_SQUARES = tuple(allan_fit.TERMS)
 
 
 @traced
 def characterise(
-    data: ArrayLike, rate: float, unit: str, *, confidence: float = 0.68, tau_min: float = 0.0, holes: bool = False
+    data: ArrayLike,
+    rate: float,
+    unit: str,
+    *,
+    confidence: float = 0.68,
+    tau_min: float = 0.0,
+    tau_max: float = math.inf,
+    bandwidth: float | None = None,
+    holes: bool = False,
 ) -> NoiseModel:
     """Return the noise coefficients of a sensor at rest, each with its uncertainty and status.
 
-    Model: sigma^2(tau) = N^2 / tau + (2 ln 2 / pi) B^2 + K^2 tau / 3 in its exact sampled form, fitted to the
-    overlapping Allan variance at octaves of tau by `allan_fit.fit`. Where the misfit has a probability below 0.001,
-    the model is first granted an error of 3 %, then the shortest averaging time is left out, and so on, up to half of
-    the points; a sensor's own filter bends the curve there. What then still does not fit is rejected.
+    Model: sigma^2(tau) = 3 Q^2 / tau^2 + N^2 / tau + (2 ln 2 / pi) B^2 + K^2 tau / 3 + R^2 tau^2 / 2 in its exact
+    sampled form. R is the slope of the straight line through the record; the others are fitted by `allan_fit.fit` to
+    the overlapping Allan variance, at octaves of tau, of the record without that line.
 
-    A coefficient is MEASURED where the information criterion keeps its term and its square is known to 50 % or
-    better; else an UPPER_LIMIT, whose value is a bound at 95 % confidence, and whose uncertainty is that of the
-    estimate below it. Degrees of freedom are those of a chi-square with the relative uncertainty of the square.
+    A filter before the sampling takes a part off that fades as 1 / tau^2; it is fitted with Q. Where the misfit has a
+    probability below 0.05, the shortest averaging times are left out, up to half of the points, and then one more. A
+    misfit below 0.001 is rejected, and so is a fit that is too good, of a probability above 0.999.
+
+    A coefficient is MEASURED where the criterion keeps its term and its square is known to 50 % or better; else an
+    UPPER_LIMIT, whose value is a bound at 95 % confidence, and whose uncertainty is that of the estimate below it.
+    Flicker, random walk and ramp are also limits where the record shows a curve, or where white noise with a curve
+    explains it as well (`curves.slow`). Quantisation is NOT_OBSERVABLE where a filter may hide it. Degrees of freedom
+    are those of a chi-square with the relative uncertainty of the square.
 
     Args:
         data: evenly spaced rate at rest, shape (n,), in `unit`.
@@ -51,6 +71,8 @@ def characterise(
         unit: unit of the data.
         confidence: of the curve's intervals, between 0 and 1.
         tau_min: averaging times below this, in s, are not fitted.
+        tau_max: averaging times beyond this, in s, are not fitted.
+        bandwidth: where the sensor's own filter is 3 dB down, in Hz: averaging times below its inverse are not fitted.
         holes: whether NaN stands for a sample that is missing; see `deviation`.
 
     Raises:
@@ -59,87 +81,164 @@ def characterise(
     if not _SLOWEST <= rate <= _FASTEST:
         raise Refused(f"{rate:g} Hz is no sampling rate of a sensor", "check the unit of time")
     curve = deviation(data, rate, unit=unit, confidence=confidence, holes=holes)
-    usable = int((curve.tau >= tau_min * (1.0 - 1e-9)).sum())
-    first = curve.tau.size - usable
     if not curve.deviation.any():
         return _unobservable(curve, f"all {curve.samples} samples are the same: stuck, or below the resolution")
+    values = np.asarray(data, dtype=np.float64)
+    mean, slope = line(values)
+    bare = deviation(values - slope * np.arange(values.size), rate, holes=holes)
     if not curve.deviation.all():
         return _unobservable(curve, "the deviation is zero at some averaging times: too few distinct samples")
-    if usable < _FEWEST_POINTS:
+    shortest = max(tau_min, 1.0 / bandwidth if bandwidth else 0.0)
+    usable = np.flatnonzero((bare.tau >= shortest * (1.0 - 1e-9)) & (bare.tau <= tau_max * (1.0 + 1e-9)))
+    if usable.size < _FEWEST_POINTS:
         return _unobservable(
-            curve, f"{usable} averaging times can be fitted and {_FEWEST_POINTS} are needed: record longer"
+            curve, f"{usable.size} averaging times can be fitted and {_FEWEST_POINTS} are needed: record longer"
         )
-    last = first + min(usable // 2, usable - _FEWEST_POINTS)
+    if bare.deviation[0] <= _NO_NOISE * (abs(mean) + abs(slope) * values.size):
+        return _unobservable(curve, "the samples are a straight line without noise")
+    found, start = _fitted(bare, usable)
+    slowly = slow(values, rate) if max(found.squares[2:]) > 0.0 or slope else None
+    return _model(curve, found, start, bool(bandwidth), _Ramp.of(found, slope * rate, curve), slowly)
+
+
+def _fitted(bare: AllanCurve, usable: NDArray[np.intp]) -> tuple[allan_fit.Fit, int]:
+    """Return the fit of the points that noise explains, from which on the filter does not matter, and its first."""
+    first, end = int(usable[0]), int(usable[-1]) + 1
+    last = first + min(usable.size // 2, usable.size - _FEWEST_POINTS)
+    fits = {}
     for start in range(first, last + 1):
-        for floor in (0.0, _MODEL_ERROR):
-            found = allan_fit.fit(_points(curve, start), floor)
-            if found.tail >= _WORST_TAIL:
-                return _model(curve, found, start, floor)
-    return _model(curve, allan_fit.fit(_points(curve, first), _MODEL_ERROR), first, _MODEL_ERROR)
+        fits[start] = allan_fit.fit(_points(bare, start, end))
+        if fits[start].tail >= _GOOD_TAIL:
+            break
+    best = max(fits, key=lambda start: min(fits[start].tail, _GOOD_TAIL))
+    if fits[best].tail < _WORST_TAIL or best == first:
+        return fits[first], first
+    beyond = min(best + 1, last)  # what is left of the filter there is within the noise
+    return allan_fit.fit(_points(bare, beyond, end)), beyond
 
 
-def _points(curve: AllanCurve, start: int) -> allan_fit.Points:
+def _points(curve: AllanCurve, start: int, end: int) -> allan_fit.Points:
     return allan_fit.Points(
         rate=curve.rate,
-        m=curve.m[start:],
-        terms=curve.terms[start:],
-        variance=np.square(curve.deviation[start:]),
-        edf=curve.edf[start:],
+        samples=curve.samples,
+        m=curve.m[start:end],
+        terms=curve.terms[start:end],
+        variance=np.square(curve.deviation[start:end]),
     )
 
 
-def _model(curve: AllanCurve, found: allan_fit.Fit, start: int, floor: float) -> NoiseModel:
-    rejected = found.tail < _WORST_TAIL
-    figures = [_figure(found, term, unit, rejected) for term, unit in enumerate(_units(curve.unit))]
-    remark = (
-        f"white noise, flicker and random walk together do not describe this record (chi {found.chi:.1f}): "
-        "look for motion, temperature, vibration or interference"
-    )
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Ramp:
+    """The slope of a record, in unit / s, with the variance that the fitted noise gives it, and how well that is known.
+
+    `slow` says that slow noise has a part in it.
+    """
+
+    slope: float
+    variance: float
+    spread: float
+    slow: bool
+
+    @classmethod
+    def of(cls, found: allan_fit.Fit, slope: float, curve: AllanCurve) -> _Ramp:
+        shares = slope_variances(curve.samples, curve.rate)
+        spread = math.sqrt(max(0.0, float(shares @ found.covariance @ shares)))
+        squares = np.maximum(found.squares, 0.0)
+        if squares[2:].any():  # slow noise of one kind may be slow noise of the other
+            squares[2:] = np.maximum(squares[2:], found.offered[2:])
+        return cls(slope=slope, variance=float(shares @ squares), spread=spread, slow=bool(squares[2:].any()))
+
+    def figure(self, unit: str, *, doubted: bool) -> Figure:
+        """Return the ramp as measured where it is larger than slow noise that the fit may have missed explains."""
+        from scipy.special import stdtrit  # noqa: PLC0415 - scipy is slow to import
+
+        dof = max(1.0, 2.0 * (self.variance / self.spread) ** 2) if self.slow else math.inf
+        missed = math.sqrt(self.variance + 2.0 * self.spread)
+        size, uncertainty = abs(self.slope), math.sqrt(self.variance)
+        if not doubted and size > float(stdtrit(dof, _SURE)) * missed:
+            return Figure(value=size, unit=unit, uncertainty=uncertainty, dof=dof)
+        bound = size + 2.0 * missed
+        return Figure(value=bound, unit=unit, uncertainty=uncertainty, dof=dof, status=FigureStatus.UPPER_LIMIT)
+
+
+def _model(
+    curve: AllanCurve, found: allan_fit.Fit, start: int, filtered: bool, ramp: _Ramp, slowly: Slow | None
+) -> NoiseModel:
+    rejected = not _WORST_TAIL <= found.tail <= 1.0 - _WORST_TAIL
+    doubted = slowly is not None and bool(slowly.curve or not slowly.noise)
+    figures = {
+        name: _figure(found, term, unit, rejected, doubted and name in {"flicker", "random_walk"})
+        for term, (name, unit) in enumerate(zip(_SQUARES, _units(curve.unit), strict=False))
+    }
+    figures["ramp"] = ramp.figure(_units(curve.unit)[-1], doubted=slowly is not None and slowly.gain > _BENT)
+    bent = filtered or found.squares[0] < 0.0 or int(curve.m[start]) > 1
+    if rejected:
+        figures = {
+            name: replace(each, uncertainty=None, dof=math.inf, status=_REJECTED) for name, each in figures.items()
+        }
+    elif bent:
+        figures["quantisation"] = replace(_NOWHERE, unit=figures["quantisation"].unit)
+    squares = np.maximum(found.squares, 0.0)
+    drift = ramp.slope**2 / 2.0 if figures["ramp"].status is FigureStatus.MEASURED else 0.0
     return NoiseModel(
-        white=figures[0],
-        flicker=figures[1],
-        random_walk=figures[2],
-        averaging_window=replace(_window(curve), status=FigureStatus.MODEL_REJECTED) if rejected else _window(curve),
+        **figures,
+        averaging_window=replace(_window(curve), status=_REJECTED) if rejected else _window(curve),
         curve=curve,
-        fitted=np.sqrt(allan_fit.variances(curve.m, curve.rate) @ found.squares),
+        fitted=np.sqrt(allan_fit.variances(curve.m, curve.rate) @ squares + drift * np.square(curve.tau)),
         chi=found.chi,
         tau_min=float(curve.tau[start]),
-        model_error=floor,
-        remark=remark if rejected else "",
+        remark="; ".join(_remarks(curve, found, start, slowly)),
     )
 
 
-def _figure(found: allan_fit.Fit, term: int, unit: str, rejected: bool) -> Figure:
-    square, uncertainty = float(found.offered[term]), float(found.uncertainty[term])
+_REJECTED = FigureStatus.MODEL_REJECTED
+_NOWHERE = Figure(value=math.nan, unit="1", status=FigureStatus.NOT_OBSERVABLE)
+
+
+def _remarks(curve: AllanCurve, found: allan_fit.Fit, start: int, slowly: Slow | None) -> Iterator[str]:
+    if found.tail < _WORST_TAIL:
+        yield (
+            f"quantisation, white noise, flicker and random walk do not describe this record (chi {found.chi:.1f}): "
+            "look for motion, temperature, vibration or interference"
+        )
+    elif found.tail > 1.0 - _WORST_TAIL:
+        yield (
+            f"the fit is better than noise allows (chi {found.chi:.2f}): the samples were smoothed, interpolated or "
+            "repeated, or are no noise"
+        )
+    elif found.squares[0] < 0.0:
+        yield f"a filter before the sampling bends the curve, fitted from {curve.tau[start]:.4g} s"
+    if slowly is not None and slowly.curve:
+        yield f"the record holds {slowly.curve}: flicker, random walk and ramp are bounds"
+    elif slowly is not None and not slowly.noise and max(found.squares[2:]) > 0.0:
+        yield "a warm-up or an oscillation explains the record as well: flicker and random walk are bounds"
+
+
+def _figure(found: allan_fit.Fit, term: int, unit: str, rejected: bool, doubted: bool) -> Figure:
+    square, uncertainty = float(found.offered[term]), math.sqrt(float(found.covariance[term, term]))
     if rejected:
-        value = math.sqrt(float(found.squares[term]))
-        return Figure(value=value, unit=unit, status=FigureStatus.MODEL_REJECTED)
+        return Figure(value=math.sqrt(max(0.0, float(found.squares[term]))), unit=unit, status=_REJECTED)
     status = FigureStatus.MEASURED
-    if not (found.selected[term] and square >= _KNOWN * uncertainty):
+    if doubted or not (found.squares[term] > 0.0 and square >= _KNOWN * uncertainty):
         square, status = float(found.bound[term]), FigureStatus.UPPER_LIMIT
     value = math.sqrt(square)
     dof = 2.0 * (square / uncertainty) ** 2
     return Figure(value=value, unit=unit, uncertainty=uncertainty / (2.0 * value), dof=dof, status=status)
 
 
-def _units(unit: str) -> tuple[str, str, str]:
-    return f"{unit}/sqrt(Hz)", unit, f"{unit}*sqrt(Hz)"
+def _units(unit: str) -> tuple[str, ...]:
+    return f"{unit}*s", f"{unit}/sqrt(Hz)", unit, f"{unit}*sqrt(Hz)", f"{unit}/s"
 
 
 def _unobservable(curve: AllanCurve, remark: str) -> NoiseModel:
-    figures = [
-        Figure(value=math.nan, unit=unit, status=FigureStatus.NOT_OBSERVABLE) for unit in (*_units(curve.unit), "s")
-    ]
+    names = (*_SQUARES, "ramp")
     return NoiseModel(
-        white=figures[0],
-        flicker=figures[1],
-        random_walk=figures[2],
-        averaging_window=figures[3],
+        **{name: replace(_NOWHERE, unit=unit) for name, unit in zip(names, _units(curve.unit), strict=True)},
+        averaging_window=replace(_NOWHERE, unit="s"),
         curve=curve,
         fitted=np.empty(0),
         chi=math.nan,
         tau_min=float(curve.tau[0]),
-        model_error=0.0,
         remark=remark,
     )
 

@@ -59,26 +59,29 @@ class NoiseModel:
     """What a record at rest says of a sensor's noise.
 
     Attributes:
+        quantisation: quantisation of the angle Q, in unit*s.
         white: white noise N (of a gyroscope: angle random walk), in unit/sqrt(Hz).
         flicker: flicker B (bias instability), in the rate's unit; 0.664 B is the floor of the deviation.
         random_walk: random walk of the rate K, in unit*sqrt(Hz).
+        ramp: slope of the record R (rate ramp), in unit/s, without its sign.
         averaging_window: averaging time with the smallest deviation, in s, among those that are known with ten degrees
             of freedom; NOT_OBSERVABLE where that is the longest of them.
         curve: the deviations.
-        fitted: deviation of the fitted model at the curve's averaging times; empty if nothing was fitted.
+        fitted: deviation of the fitted model at the curve's averaging times, without a filter; empty if nothing was
+            fitted.
         chi: root of chi-square per degree of freedom of the fit, NaN where nothing was fitted.
         tau_min: shortest averaging time in the fit, in s.
-        model_error: relative uncertainty that the model itself had to be granted: 0 or 0.03.
-        remark: why something is not observable or the model is rejected, else empty.
+        remark: why something is not observable, a bound or rejected, else empty.
     """
 
+    quantisation: Figure
     white: Figure
     flicker: Figure
     random_walk: Figure
+    ramp: Figure
     averaging_window: Figure
     curve: AllanCurve
     fitted: _Array
     chi: float
     tau_min: float
-    model_error: float
     remark: str

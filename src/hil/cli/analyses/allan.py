@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -33,6 +34,8 @@ __all__ = ["allan"]
     metavar="TAUS",
     help="Averaging times: octave, dense, or seconds such as 1,10,100.",
 )
+@click.option("--tau-min", type=float, default=0.0, metavar="S", help="Shortest averaging time in the fit.")
+@click.option("--tau-max", type=float, default=math.inf, metavar="S", help="Longest averaging time in the fit.")
 @click.option("--confidence", type=float, default=0.68, show_default=True, help="Confidence level of the intervals.")
 @click.option("--plot", type=click.Path(path_type=Path), metavar="FILE", help="Draw the deviations: .svg or .png.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON document and nothing else.")
@@ -41,6 +44,8 @@ def allan(
     wanted: Wanted,
     estimator: Estimator,
     taus: str,
+    tau_min: float,
+    tau_max: float,
     confidence: float,
     plot: Path | None,
     as_json: bool,
@@ -48,9 +53,9 @@ def allan(
     """Compute Allan deviation and noise coefficients of the rates in FILE, recorded at rest.
 
     FILE is a text table with or without a header. For every chosen column: a deviation of the Allan
-    family with its confidence interval, and white noise (angle random walk), flicker (bias
-    instability) and random walk of the rate with their uncertainties, which always come from the
-    overlapping Allan deviation. Missing samples are left out of the overlapping one. Gates look at times
+    family with its confidence interval, and quantisation, white noise (angle random walk), flicker
+    (bias instability), random walk of the rate and ramp with their uncertainties, which always come
+    from the overlapping Allan deviation. Missing samples are left out of the overlapping one. Gates look at times
     and samples first; what they speak against is inconclusive, and the exit code 1.
 
     \b
@@ -65,7 +70,10 @@ def allan(
     log = obtain(wanted)
     axes = []
     for name, values in log.channels.items():
-        model = characterise(values, log.rate, log.unit, confidence=confidence, holes=True)
+        model = characterise(
+            values, log.rate, log.unit,
+            confidence=confidence, tau_min=tau_min, tau_max=tau_max, bandwidth=wanted.bandwidth, holes=True,
+        )  # fmt: skip
         curve = model.curve
         if (estimator, taus) != ("overlapping", "octave"):
             curve = deviation(

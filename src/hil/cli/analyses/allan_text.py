@@ -15,8 +15,8 @@ from hil.report.tables import aligned, fitting
 
 __all__ = ["NAMES", "Axis", "Result", "as_json", "as_text", "called", "stated"]
 
-_TERMS = ("white", "flicker", "random_walk", "averaging_window")
-_LABELS = ("white noise", "flicker", "random walk", "best averaging")
+_TERMS = ("quantisation", "white", "flicker", "random_walk", "ramp", "averaging_window")
+_LABELS = ("quantisation", "white noise", "flicker", "random walk", "ramp", "best averaging")
 NAMES = {
     "overlapping": "overlapping Allan",
     "modified": "modified Allan",
@@ -93,7 +93,6 @@ def _axis(axis: Axis) -> dict[str, object]:
         **{term: _figure(getattr(model, term), axis.doubts) for term in _TERMS},
         "chi": _finite(model.chi),
         "tau_min": model.tau_min,
-        "model_error": model.model_error,
         "remark": model.remark,
         "curve": [dict(zip(keys, row, strict=True)) for row in rows],
     }
@@ -184,8 +183,7 @@ def _summary(axis: Axis) -> Iterator[str]:
     if axis.doubts:
         yield from fitting([f"inconclusive: {'; '.join(gate.name for gate in axis.doubts)}; see above"], _WIDTH)
     if math.isfinite(model.chi):
-        error = f", model error {model.model_error:.0%} allowed for" if model.model_error else ""
-        yield f"fit: chi {model.chi:.2f} from {model.tau_min:.4g} s on{error}"
+        yield f"fit: chi {model.chi:.2f} from {model.tau_min:.4g} s on"
     if model.remark:
         yield from fitting([f"note: {model.remark}"], _WIDTH)
 
