@@ -2,105 +2,32 @@
 
 from __future__ import annotations
 
+import io
 import re
-from collections import Counter
+from codecs import BOM_UTF8
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
 from types import MappingProxyType
-from typing import TextIO
+from typing import BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hil.documents.suggest import did_you_mean
 from hil.logs.clocks import Clock
+from hil.logs.layout import COMMENT_MARKS, Layout, recognise
+from hil.logs.numerals import MARGIN, numbers, plain
 from hil.model.errors import Refused
 
-__all__ = ["COMMENT_MARKS", "Layout", "Reading", "Table", "read", "recognise"]
-
-COMMENT_MARKS = ("#", "%", "//")
-"""A line that begins with one of these holds no row; above the first row it may hold the columns' names."""
-
-_LOOKED_AT = 20  # lines at the end of the sample that count as rows, whatever stands above them
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Layout:
-    """How a table is written.
-
-    Attributes:
-        separator: what stands between cells, None for any white space.
-        decimal: the decimal sign, a point or a comma.
-        width: cells in a row.
-        names: the columns' names, empty where the table names none.
-        first: line number of the first row, counted from 1.
-        quoted: whether cells stand in double quotes.
-    """
-
-    separator: str | None
-    decimal: str
-    width: int
-    names: tuple[str, ...]
-    first: int
-    quoted: bool
-
-    def cells(self, line: str) -> list[str]:
-        """Return the cells of a line, without quotes and surrounding space."""
-        return [cell.strip().strip('"') for cell in line.split(self.separator)]
-
-    def number(self, cell: str) -> float | None:
-        """Return the number that a cell holds, or None."""
-        if "_" in cell or (self.decimal == "," and "." in cell):
-            return None
-        try:
-            return float(cell.replace(self.decimal, "."))
-        except ValueError:
-            return None
-
-
-def recognise(lines: Sequence[str]) -> Layout | None:
-    """Return how a table is written, judged by its first lines, or None where they hold no row of numbers."""
-    written = [line for line in lines if line.strip() and not line.lstrip().startswith(COMMENT_MARKS)]
-    best: tuple[float, float, Layout] | None = None
-    for separator, decimal in (("\t", "."), (";", "."), (",", "."), (None, "."), ("\t", ","), (";", ","), (None, ",")):
-        guess = Layout(separator=separator, decimal=decimal, width=0, names=(), first=0, quoted=False)
-        rows = [guess.cells(line) for line in written[-_LOOKED_AT:]]
-        numbers = sum(guess.number(cell) is not None for row in rows for cell in row)
-        # A separator at the end of a row makes an empty cell, which speaks against no separator.
-        score = (numbers / max(1, sum(len(row) - (row[-1:] == [""]) for row in rows)), float(numbers))
-        if numbers and (best is None or score > best[:2]):
-            best = (*score, guess)
-    return _placed(lines, written[-_LOOKED_AT:], best[2]) if best else None
-
-
-def _placed(lines: Sequence[str], rows: Sequence[str], guess: Layout) -> Layout | None:
-    """Find the first row, and the names in the last line above it that has one for each column, each another."""
-    counts = Counter(len(guess.cells(line)) for line in rows)
-    width = counts.most_common(1)[0][0]
-    names: tuple[str, ...] = ()
-    for place, line in enumerate(lines):
-        cells = guess.cells(line)
-        comment = line.lstrip().startswith(COMMENT_MARKS)
-        if not comment and len(cells) == width and any(guess.number(cell) is not None for cell in cells):
-            return Layout(
-                separator=guess.separator,
-                decimal=guess.decimal,
-                width=width,
-                names=names,
-                first=place + 1,
-                quoted='"' in line,
-            )
-        above = guess.cells(line.strip().lstrip("#%/ ")) if comment else cells
-        if len(above) == width and len(set(above)) == width:
-            names = tuple(above)
-    return None
-
+__all__ = ["Reading", "Table", "read"]
 
 _CLOCK = re.compile(r"\d:\d\d")
 _AS_TIMES = "write times as seconds, hh:mm:ss.sss, or 2026-01-31T23:59:59.9"
 _SAMPLE = 400  # lines from which the layout is recognised
+_BLOCK = 1 << 18  # bytes that are read at once: they and what is found in them stay in the processor's cache
+_ODD = 0.1  # of the cells of a block: with more that are not plain, lines are read one by one
 _MARKS = tuple({mark[0] for mark in COMMENT_MARKS})
 
 
@@ -203,49 +130,157 @@ def _place(path: Path, layout: Layout, column: str) -> int:
 
 
 def _rows(path: Path, layout: Layout, chosen: list[int], special: Mapping[int, Reading], *, clocked: bool) -> Table:
-    remarks: list[str] = []
-    with path.open(encoding="utf-8-sig", errors="replace") as file:
-        lines = _whole(path, layout, chosen, file, remarks, special)
+    rows = _Rows(path=path, layout=layout, chosen=chosen, special=special)
+    with path.open("rb") as file:
+        if file.read(len(BOM_UTF8)) != BOM_UTF8:
+            file.seek(0)
+        if all(b"\r" not in line.removesuffix(b"\n").removesuffix(b"\r") for line in islice(file, layout.first - 1)):
+            rows.number = layout.first
+        else:  # a carriage return alone ends a line too
+            file.seek(0)
+        for block in _blocks(file):
+            rows.take(block)
+    names = tuple(layout.names[place] if layout.names else str(place + 1) for place in chosen)
+    values = rows.values[:, : rows.count].T
+    return Table(names=names, values=values, remarks=tuple(rows.remarks), clocked=clocked)
+
+
+def _blocks(file: BinaryIO) -> Iterator[bytes]:
+    """Yield whole lines after `MARGIN` line ends, the end of the file as it is."""
+    margin, rest = b"\n" * MARGIN, b""
+    while more := file.read(_BLOCK):
+        cut = more.rfind(b"\n") + 1
+        if cut:
+            yield b"".join((margin, rest, more[:cut]))
+            rest = more[cut:]
+        else:
+            rest += more
+    if rest:
+        yield margin + rest
+
+
+@dataclass(slots=True, kw_only=True)
+class _Rows:
+    """A table while it is read: what `plain` understands at once, all else line by line.
+
+    Attributes:
+        number: of the next line, counted from 1.
+        values: shape (columns, rows and room for more).
+        count: rows so far.
+        remarks: what was left out.
+    """
+
+    path: Path
+    layout: Layout
+    chosen: list[int]
+    special: Mapping[int, Reading]
+    number: int = 1
+    values: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0)))
+    count: int = 0
+    remarks: list[str] = field(default_factory=list)
+
+    def take(self, block: bytes) -> None:
+        """Take a block of whole lines after `MARGIN` line ends, or the end of the file."""
+        found = None if self.layout.quoted else self._plainly(block)
+        if found is not None:
+            self.number += found[0].size
+        else:
+            found = self._strictly(block)
+        self._append(found, len(block))
+
+    def _append(self, found: Sequence[NDArray[np.float64]], size: int) -> None:
+        rows = found[0].size
+        if self.count + rows > self.values.shape[1]:
+            whole = self.path.stat().st_size / size if not self.count else 1.5 * self.count / max(rows, 1)
+            room = np.empty((len(self.chosen), self.count + int(max(1.05 * whole, 1.0) * (rows + _SAMPLE))))
+            if self.count:
+                room[:, : self.count] = self.values[:, : self.count]
+            self.values = room  # pages that no row reaches take no memory
+        for place, column in enumerate(found):
+            self.values[place, self.count : self.count + rows] = column
+        self.count += rows
+
+    def _plainly(self, block: bytes) -> list[NDArray[np.float64]] | None:
+        """Return the columns, None where something is not plain enough to be sure."""
+        if block[-1:] != b"\n" or (b"\r" in block and block.count(b"\r") != block.count(b"\r\n")):
+            return None
+        cells = plain(block, self.layout.separator, self.layout.decimal, self.layout.width)
+        if cells is None or (0 not in self.chosen and not cells.beginnings.isdisjoint(map(ord, _MARKS))):
+            return None
+        columns = []
+        for place in self.chosen:
+            if place in self.special:
+                values, odd = np.empty(len(cells)), np.arange(len(cells))
+            else:
+                values, odd = numbers(cells, place)
+                if odd.size > _ODD * values.size:
+                    return None
+            try:
+                values[odd] = [self._one(cell, self.special.get(place)) for cell in cells.texts(place, odd)]
+            except ValueError:
+                return None
+            columns.append(values)
+        return columns
+
+    def _one(self, cell: bytes, special: Reading | None) -> float:
+        text = cell.decode("utf-8", errors="replace")
+        text = text.replace(",", ".") if self.layout.decimal == "," else text
+        if special is not None:
+            return special.number(text)
+        if "_" in text or not text.isascii():
+            raise ValueError(text)
+        return float(text)
+
+    def _strictly(self, block: bytes) -> list[NDArray[np.float64]]:
+        """Return the columns of lines that are looked at one by one.
+
+        Raises:
+            Refused: a row with more or fewer cells, a cell that is no number.
+        """
+        text = block[MARGIN:].decode("utf-8", errors="replace")
+        every = list(io.StringIO(text, newline=None))
+        lines = list(self._whole(every))
+        self.number += len(every)
+        if not lines:
+            return [np.empty(0)] * len(self.chosen)
         try:
             values = np.loadtxt(
                 lines,
-                delimiter=layout.separator,
-                usecols=chosen,
+                delimiter=self.layout.separator,
+                usecols=self.chosen,
                 ndmin=2,
                 comments=None,
-                quotechar='"' if layout.quoted else None,
-                converters={place: reading.number for place, reading in special.items()} or None,
+                quotechar='"' if self.layout.quoted else None,
+                converters={place: reading.number for place, reading in self.special.items()} or None,
             )
         except ValueError as error:
-            raise _located(path, layout, chosen, error, special) from None
-    names = tuple(layout.names[place] if layout.names else str(place + 1) for place in chosen)
-    return Table(names=names, values=values, remarks=tuple(remarks), clocked=clocked)
+            raise _located(self.path, self.layout, self.chosen, error, self.special) from None
+        return list(values.T)
+
+    def _whole(self, lines: Sequence[str]) -> Iterator[str]:
+        """Yield the rows with decimal points; refuse the first with another number of cells."""
+        layout = self.layout
+        for number, raw in enumerate(lines, start=self.number):
+            line = raw.replace(",", ".") if layout.decimal == "," else raw
+            comment = line.lstrip().startswith(COMMENT_MARKS) if line[0] in _MARKS else False
+            if number < layout.first or comment or line.isspace():
+                continue
+            if line[-1] != "\n" and not _is_row(layout, self.chosen, raw, self.special):
+                self.remarks.append(f"line {number}, the last, is torn off and left out")
+                return
+            count = len(line.split()) if layout.separator is None else line.count(layout.separator) + 1
+            if count != layout.width and not layout.quoted:
+                raise Refused(
+                    f"{self.path}:{number}:1: {count} cells, where the rows above have {layout.width}",
+                    "mend or remove the line",
+                )
+            yield line
 
 
 def _starts_with_number(path: Path, layout: Layout, place: int) -> bool:
     with path.open(encoding="utf-8-sig", errors="replace") as file:
         cells = layout.cells(next(islice(file, layout.first - 1, None)))
     return layout.number(cells[place]) is not None
-
-
-def _whole(
-    path: Path, layout: Layout, chosen: list[int], file: TextIO, remarks: list[str], special: Mapping[int, Reading]
-) -> Iterator[str]:
-    """Yield the rows as lines with decimal points; refuse the first with another number of cells."""
-    for number, raw in enumerate(islice(file, layout.first - 1, None), start=layout.first):
-        line = raw.replace(",", ".") if layout.decimal == "," else raw
-        if line.isspace() or (line.lstrip().startswith(COMMENT_MARKS) if line[0] in _MARKS else False):
-            continue
-        if line[-1] != "\n" and not _is_row(layout, chosen, raw, special):
-            remarks.append(f"line {number}, the last, is torn off and left out")
-            return
-        count = len(line.split()) if layout.separator is None else line.count(layout.separator) + 1
-        if count != layout.width and not layout.quoted:
-            raise Refused(
-                f"{path}:{number}:1: {count} cells, where the rows above have {layout.width}",
-                "mend or remove the line",
-            )
-        yield line
 
 
 def _is_row(layout: Layout, chosen: list[int], line: str, special: Mapping[int, Reading]) -> bool:

@@ -1,0 +1,86 @@
+"""How a foreign text table is written: separator, decimal sign, names, and where its rows begin."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+__all__ = ["COMMENT_MARKS", "Layout", "recognise"]
+
+COMMENT_MARKS = ("#", "%", "//")
+"""A line that begins with one of these holds no row; above the first row it may hold the columns' names."""
+
+_LOOKED_AT = 20  # lines at the end of the sample that count as rows, whatever stands above them
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Layout:
+    """How a table is written.
+
+    Attributes:
+        separator: what stands between cells, None for any white space.
+        decimal: the decimal sign, a point or a comma.
+        width: cells in a row.
+        names: the columns' names, empty where the table names none.
+        first: line number of the first row, counted from 1.
+        quoted: whether cells stand in double quotes.
+    """
+
+    separator: str | None
+    decimal: str
+    width: int
+    names: tuple[str, ...]
+    first: int
+    quoted: bool
+
+    def cells(self, line: str) -> list[str]:
+        """Return the cells of a line, without quotes and surrounding space."""
+        return [cell.strip().strip('"') for cell in line.split(self.separator)]
+
+    def number(self, cell: str) -> float | None:
+        """Return the number that a cell holds, or None."""
+        if "_" in cell or not cell.isascii() or (self.decimal == "," and "." in cell):
+            return None
+        try:
+            return float(cell.replace(self.decimal, "."))
+        except ValueError:
+            return None
+
+
+def recognise(lines: Sequence[str]) -> Layout | None:
+    """Return how a table is written, judged by its first lines, or None where they hold no row of numbers."""
+    written = [line for line in lines if line.strip() and not line.lstrip().startswith(COMMENT_MARKS)]
+    best: tuple[float, float, Layout] | None = None
+    for separator, decimal in (("\t", "."), (";", "."), (",", "."), (None, "."), ("\t", ","), (";", ","), (None, ",")):
+        guess = Layout(separator=separator, decimal=decimal, width=0, names=(), first=0, quoted=False)
+        rows = [guess.cells(line) for line in written[-_LOOKED_AT:]]
+        numbers = sum(guess.number(cell) is not None for row in rows for cell in row)
+        # A separator at the end of a row makes an empty cell, which speaks against no separator.
+        score = (numbers / max(1, sum(len(row) - (row[-1:] == [""]) for row in rows)), float(numbers))
+        if numbers and (best is None or score > best[:2]):
+            best = (*score, guess)
+    return _placed(lines, written[-_LOOKED_AT:], best[2]) if best else None
+
+
+def _placed(lines: Sequence[str], rows: Sequence[str], guess: Layout) -> Layout | None:
+    """Find the first row, and the names in the last line above it that has one for each column, each another."""
+    counts = Counter(len(guess.cells(line)) for line in rows)
+    width = counts.most_common(1)[0][0]
+    names: tuple[str, ...] = ()
+    for place, line in enumerate(lines):
+        cells = guess.cells(line)
+        comment = line.lstrip().startswith(COMMENT_MARKS)
+        if not comment and len(cells) == width and any(guess.number(cell) is not None for cell in cells):
+            return Layout(
+                separator=guess.separator,
+                decimal=guess.decimal,
+                width=width,
+                names=names,
+                first=place + 1,
+                quoted='"' in line,
+            )
+        above = guess.cells(line.strip().lstrip("#%/ ")) if comment else cells
+        if len(above) == width and len(set(above)) == width:
+            names = tuple(above)
+    return None
