@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from hil.analysis.battery.certainty import Certainty
+from hil.analysis.battery.cycles import cycles
+from hil.analysis.battery.series import series
 
 KNOWN = Certainty(interval=5.0, voltage=0.01, current=0.002, temperature=0.5, drift=3e-4, drift_uncertainty=4e-4)
 NOTHING = Certainty(interval=5.0)
@@ -58,3 +60,27 @@ def test_ends_and_resistances():
     assert NOTHING.end_of(HALF) is None
     assert KNOWN.resistance(-0.7) == pytest.approx(0.01 * math.sqrt(2) / 0.7)
     assert NOTHING.resistance(0.7) is None
+
+
+def test_a_gain_is_in_all_of_a_charge_and_in_no_efficiency():
+    """0.1 % of 1.4 Ah, beside the offset; energy has the gain of the voltage, too."""
+    known = Certainty(interval=5.0, voltage=0.01, current=0.002, current_gain=0.001, voltage_gain=0.002)
+    assert known.charge(HALF) == pytest.approx(math.hypot(0.004, 0.0014))
+    assert known.energy(HALF) == pytest.approx(math.hypot(0.004 * 3.7, 0.0014 * 3.7, 0.01 * 1.4, 0.002 * 1.4 * 3.7))
+    made = SimpleNamespace(charge=HALF, discharge=HALF)
+    assert known.ratio(made, 1.0) == KNOWN.ratio(made, 1.0)
+
+
+def test_moments_of_switching_are_as_uncertain_as_stated():
+    """A discharge of 1 A that begins and ends at any moment between samples: the pull has a deviation of one."""
+    rng = np.random.default_rng(1)
+    time = np.arange(0.0, 3000.0, 60.0)
+    pulls = []
+    for begin, lasts in zip(rng.uniform(300.0, 360.0, 200), rng.uniform(1800.0, 1860.0, 200), strict=True):
+        current = np.where((time >= begin) & (time < begin + lasts), -1.0, 0.0)
+        (made,) = cycles(series(time, 4.0 - time / 6000.0, current))
+        charge, energy = Certainty(interval=60.0).flowed(made.discharge)
+        pulls.append((made.discharge.charge - lasts / 3600.0) / charge)
+        assert energy == pytest.approx(charge * made.discharge.mean_voltage, rel=0.02)
+    assert 0.85 < np.std(pulls) < 1.15
+    assert abs(np.mean(pulls)) < 0.25

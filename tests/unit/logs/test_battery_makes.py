@@ -196,6 +196,17 @@ def test_discharges_alone_are_read_by_their_mapping(tmp_path):
     assert (found["status"], found["reasons"]) == ("conclusive", [])
 
 
+def test_accuracies_are_in_the_uncertainties_and_told(tmp_path):
+    """Bounds of the mapping, of which the option replaces one: each over the root of three, in quadrature."""
+    mapping = EXAMPLES["Arbin"] + 'accuracy:\n  current_gain: "0.5"\n  current_offset: "0.002"\n'
+    found = analyse(tmp_path, arbin(), mapping, "--current-gain", "0.001")
+    discharge, told = found["cycles"][0]["discharge"], found["cycles"][0]["uncertainty"]
+    gain, offset = 0.001 * discharge["charge"], 0.002 * discharge["duration"] / 3600.0
+    assert told["discharge_Ah"] == pytest.approx(np.hypot(gain, offset) / np.sqrt(3.0), rel=1e-3)
+    assert told["coulombic_efficiency"] > offset / discharge["charge"]
+    assert "± 0.001 of the current, ± 0.002 A, each over the root of three" in found["uncertainty"]["from"]
+
+
 def test_what_a_mapping_lacks_is_named_with_line_and_column(tmp_path):
     """A word that no list holds, a list of no words, a column that is not there, a key that is none."""
     for text, mapping, told in (

@@ -28,6 +28,8 @@ class Certainty:
         temperature: of its temperature [K].
         drift: of its clock, as a ratio.
         drift_uncertainty: of that.
+        current_gain: of the gain of its current, as a ratio.
+        voltage_gain: of the gain of its voltage, as a ratio.
     """
 
     interval: float
@@ -36,6 +38,8 @@ class Certainty:
     temperature: float | None = None
     drift: float | None = None
     drift_uncertainty: float | None = None
+    current_gain: float = 0.0
+    voltage_gain: float = 0.0
 
     @property
     @traced
@@ -66,8 +70,9 @@ class Certainty:
 
     @traced
     def charge(self, half: HalfCycle) -> float | None:
-        """Of a charge [Ah]: what the tester's current has too much, it has all the time."""
-        return None if self.current is None else self.current * half.duration / SECONDS_PER_HOUR
+        """Of a charge [Ah]: what the tester's current has too much, it has all the time, and its gain in all of it."""
+        offset = self._offset(half)
+        return None if offset is None else math.hypot(offset, self.current_gain * half.charge)
 
     @traced
     def energy(self, half: HalfCycle) -> float | None:
@@ -75,15 +80,53 @@ class Certainty:
         charge = self.charge(half)
         if charge is None or self.voltage is None:
             return None
-        return math.hypot(charge * half.mean_voltage, self.voltage * half.charge)
+        gain = self.voltage_gain * half.charge * half.mean_voltage
+        return math.hypot(charge * half.mean_voltage, self.voltage * half.charge, gain)
 
     @traced
     def ratio(self, made: Cycle, value: float) -> float | None:
-        """Of an efficiency: an offset of the current adds to one half-cycle what it takes from the other."""
-        halves = [(each, self.charge(each)) for each in (made.charge, made.discharge) if each is not None]
-        if any(charge is None for _, charge in halves):
+        """Of an efficiency: an offset of the current adds to one half-cycle what it takes from the other; no gain."""
+        halves = [(each, self._offset(each)) for each in (made.charge, made.discharge) if each is not None]
+        if any(offset is None for _, offset in halves):
             return None
-        return value * sum(charge / each.charge for each, charge in halves if charge is not None)
+        return value * sum(offset / each.charge for each, offset in halves if offset is not None)
+
+    def _offset(self, half: HalfCycle) -> float | None:
+        return None if self.current is None else self.current * half.duration / SECONDS_PER_HOUR
+
+    @traced
+    def flowed(self, half: HalfCycle) -> tuple[float, float]:
+        """Of charge [Ah] and energy [Wh]: what is known of the meters, and the moments of switching.
+
+        They are independent of each other, and combined as JCGM 100:2008, 5.1.2 says.
+        """
+        charge, energy = self.charge(half) or 0.0, self.energy(half) or 0.0
+        return math.hypot(charge, half.open_charge), math.hypot(energy, half.open_energy)
+
+    @traced
+    def efficiencies(self, made: Cycle) -> tuple[float, float]:
+        """Of coulombic and energy efficiency; NaN where one half is missing.
+
+        Of the voltage's offset only what both halves do not share counts: their mean voltages are almost the same.
+        """
+        into, out = made.charge, made.discharge
+        if into is None or out is None or not (into.charge > 0 and out.charge > 0):
+            return math.nan, math.nan
+        coulombic, energetic = made.coulombic_efficiency, made.energy_efficiency
+        shared = (self.voltage or 0.0) * abs(1.0 / into.mean_voltage - 1.0 / out.mean_voltage)
+        return (
+            math.hypot(
+                self.ratio(made, coulombic) or 0.0,
+                coulombic * into.open_charge / into.charge,
+                coulombic * out.open_charge / out.charge,
+            ),
+            math.hypot(
+                self.ratio(made, energetic) or 0.0,
+                energetic * shared,
+                energetic * into.open_energy / into.energy,
+                energetic * out.open_energy / out.energy,
+            ),
+        )
 
     @traced
     def resistance(self, change: float) -> float | None:

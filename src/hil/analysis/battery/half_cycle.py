@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from hil.analysis.battery.counted import counted
 from hil.analysis.battery.integration import cumulative, one_way
-from hil.analysis.battery.series import Series, can_be_warm
+from hil.analysis.battery.series import SECONDS_PER_HOUR, Series, can_be_warm
 from hil.analysis.battery.steps import Segmentation, Step, StepKind, gaps
 from hil.analysis.tracing import traced
 
@@ -91,6 +91,9 @@ class Flow:
     Attributes:
         charge: by kind of step, in Ah.
         energy: by kind of step, in Wh.
+        open_charge: by kind, standard uncertainty in Ah that the unknown moment of a switch leaves in an interval: any
+            moment of it is as likely (JCGM 100:2008, 4.3.7). Zero where no switch is, or where the instrument counted.
+        open_energy: likewise in Wh.
         lost: whether the interval is a gap across which the state changed, so that nothing is known of it.
         broken: whether it lies between two stretches, so that nothing is known of it either.
         bridged: whether it is a gap within one state, where the straight line stands for what is missing.
@@ -98,6 +101,8 @@ class Flow:
 
     charge: dict[StepKind, NDArray[np.float64]]
     energy: dict[StepKind, NDArray[np.float64]]
+    open_charge: dict[StepKind, NDArray[np.float64]]
+    open_energy: dict[StepKind, NDArray[np.float64]]
     lost: NDArray[np.bool_]
     broken: NDArray[np.bool_]
     bridged: NDArray[np.bool_]
@@ -112,6 +117,8 @@ class HalfCycle:
         duration: s from the first sample to the last, rests between its parts not counted.
         charge: Ah.
         energy: Wh.
+        open_charge: standard uncertainty of `charge` in Ah that the moments of switching leave.
+        open_energy: likewise of `energy`, in Wh.
         own_energy: Wh that the instrument itself counted, NaN where it did not.
         mean_voltage: energy over charge, in V.
         current: median magnitude in A.
@@ -144,6 +151,8 @@ class HalfCycle:
     duration: float
     charge: float
     energy: float
+    open_charge: float
+    open_energy: float
     own_energy: float
     mean_voltage: float
     current: float
@@ -190,6 +199,7 @@ def flow(data: Series, steps: Sequence[Step], how: Segmentation | None = None) -
     edges = counted(data, steps)
     charge = {kind: one_way(data.time, data.current, sign) * known for kind, sign in signs.items()}
     energy = {kind: one_way(data.time, power, sign) * known for kind, sign in signs.items()}
+    open_ = turns & known & ~edges.used
     for kind, sign in signs.items():
         used = edges.used & known
         charge[kind][used] = np.maximum(sign * edges.charge[used], 0.0)
@@ -197,10 +207,18 @@ def flow(data: Series, steps: Sequence[Step], how: Segmentation | None = None) -
     return Flow(
         charge=charge,
         energy=energy,
+        open_charge={kind: _open(data.time, sign * data.current) * open_ for kind, sign in signs.items()},
+        open_energy={kind: _open(data.time, sign * power) * open_ for kind, sign in signs.items()},
         lost=missing & turns & ~broken,
         broken=broken,
         bridged=missing & ~turns,
     )
+
+
+def _open(time: NDArray[np.float64], rate: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the standard uncertainty of what flowed in each interval if it was switched at any moment of it."""
+    most = np.clip(np.maximum(rate[:-1], rate[1:]), 0.0, None) * np.diff(time) / SECONDS_PER_HOUR
+    return np.asarray(most / math.sqrt(12.0))
 
 
 def half_cycle(data: Series, steps: Sequence[Step], flows: Flow, limits: Limits) -> HalfCycle:
@@ -226,6 +244,8 @@ def half_cycle(data: Series, steps: Sequence[Step], flows: Flow, limits: Limits)
         duration=float(elapsed[-1]),
         charge=charge,
         energy=energy,
+        open_charge=float(np.linalg.norm(flows.open_charge[kind][parts])),
+        open_energy=float(np.linalg.norm(flows.open_energy[kind][parts])),
         own_energy=_own(data, parts, flows),
         mean_voltage=energy / charge if charge > 0 else math.nan,
         current=float(np.median(np.abs(data.current[samples]))),

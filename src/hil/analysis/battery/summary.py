@@ -46,12 +46,14 @@ class Summary:
         compared: those that medians and fades are taken from.
         fades: by name of quantity, over these; empty if they are too few.
         gates: all of them, also those that could not be judged.
+        skip: how many of the first that are compared the fades leave out.
     """
 
     cycles: tuple[Cycle, ...]
     compared: tuple[Cycle, ...]
     fades: Mapping[str, Fade]
     gates: tuple[Gate, ...]
+    skip: int = 0
 
 
 @traced
@@ -94,7 +96,7 @@ def summarise(
     )
     singles = judge_singles(data, segment(data, how), made, capacity=declared.capacity, runs=declared.runs)
     gates = (*judge(numbers, facts), *singles)
-    return Summary(cycles=made, compared=whole, fades=_fades(whole[skip:], remaining), gates=gates)
+    return Summary(cycles=made, compared=whole, fades=_fades(whole[skip:], remaining), gates=gates, skip=skip)
 
 
 def incremental_capacities(

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from hil.analysis.battery.steps import Segmentation
     from hil.analysis.battery.summary import Summary
     from hil.logs.battery import BatteryLog
-    from hil.logs.mapping import Mapped, Mapping
+    from hil.logs.mapping import Cell, Mapped, Mapping
 
 __all__ = ["battery"]
 
@@ -55,6 +55,8 @@ _UPPER, _LOWER, _CUT_OFF = 4.2, 2.7, 0.05  # V, V, A
 @click.option("--upper", type=float, show_default="4.2", metavar="V", help="Voltage at which a charge ends.")
 @click.option("--lower", type=float, show_default="2.7", metavar="V", help="Voltage at which a discharge ends.")
 @click.option("--cut-off", type=float, show_default="0.05", metavar="A", help="Current that ends a charge.")
+@click.option("--current-gain", type=float, metavar="PART", help="Bound of the current's gain error; 0.001 is 0.1 %.")
+@click.option("--current-offset", type=float, metavar="A", help="Bound of the current's offset.")
 @click.option("--capacity", type=float, metavar="AH", help="Nominal capacity.")
 @click.option("--energy", type=float, metavar="WH", help="Nominal energy.")
 @click.option(
@@ -112,7 +114,6 @@ def battery(  # noqa: PLR0913 - one argument per option
       hil analyse battery test.csv --time 1 --time-unit h --voltage U --current I --capacity 1.4
     """  # noqa: D301 - click reads \b
     from hil.analysis.battery.gates import Declared  # noqa: PLC0415 - start-up stays light
-    from hil.analysis.battery.half_cycle import Limits  # noqa: PLC0415 - start-up stays light
     from hil.analysis.battery.singles import judge_states  # noqa: PLC0415 - start-up stays light
     from hil.analysis.battery.steps import Segmentation  # noqa: PLC0415 - start-up stays light
     from hil.analysis.battery.summary import summarise  # noqa: PLC0415 - start-up stays light
@@ -120,11 +121,7 @@ def battery(  # noqa: PLR0913 - one argument per option
 
     read = _understood(mapping, told)
     known = read.cell
-    limits = Limits(
-        upper=_UPPER if known.upper is None else known.upper,
-        lower=_LOWER if known.lower is None else known.lower,
-        cut_off=_CUT_OFF if known.cut_off is None else known.cut_off,
-    )
+    limits = _limits(known)
     positive = {"--interval": interval, "--capacity": known.capacity, "--energy": known.energy}
     positive |= {"--cut-off": known.cut_off, "--rest-current": rest_current}
     _refuse_impossible(positive=positive, limits=limits, skip=skip, counted=counted, remaining=remaining)
@@ -143,7 +140,9 @@ def battery(  # noqa: PLR0913 - one argument per option
     )  # fmt: skip
     summary = replace(summary, gates=(*summary.gates, judge_states(log.contradicted)))
     _draw(plot, data, summary, how)
-    result = battery_text.Result(file=str(file), log=log, data=data, summary=summary, capacity=capacity, how=how)
+    result = battery_text.Result(
+        file=str(file), log=log, data=data, summary=summary, capacity=capacity, how=how, accuracy=read.accuracy
+    )
     click.echo(battery_text.as_json(result) if as_json else battery_text.as_text(result))
     return int(any(gate.ok is False for gate in summary.gates))
 
@@ -153,6 +152,16 @@ def _draw(plot: Path | None, data: Series, summary: Summary, how: Segmentation) 
         from hil.cli.analyses.plots import draw_battery  # noqa: PLC0415 - matplotlib is slow to import
 
         draw_battery(plot, data, summary, how)
+
+
+def _limits(known: Cell) -> Limits:
+    from hil.analysis.battery.half_cycle import Limits  # noqa: PLC0415 - start-up stays light
+
+    return Limits(
+        upper=_UPPER if known.upper is None else known.upper,
+        lower=_LOWER if known.lower is None else known.lower,
+        cut_off=_CUT_OFF if known.cut_off is None else known.cut_off,
+    )
 
 
 def _refuse_impossible(
@@ -214,9 +223,13 @@ def _understood(file: Path | None, told: dict[str, Any]) -> Mapping:
     columns = {name: told[name] for name in ("time", "voltage", "current", "temperature", "cycle")}
     units = {name: told[f"{name}_unit"] for name in ("time", "voltage", "current")}
     cell = {name: told[name] for name in ("capacity", "energy", "upper", "lower", "cut_off")}
+    accuracy = {name: told[name] for name in ("current_gain", "current_offset")}
+    for name, value in accuracy.items():
+        if value is not None and not 0.0 <= value < math.inf:
+            raise Refused(f"--{name.replace('_', '-')} {value:g} is not possible", "give a bound of zero or more")
     made: Mapping = _overridden(
         logs.load(file) if file else logs.Mapping(),
-        columns=columns, units=units, cell=cell, time_restarts=told["time_restarts"],
+        columns=columns, units=units, cell=cell, accuracy=accuracy, time_restarts=told["time_restarts"],
         discharge_positive=told["discharge_positive"] or None,
     )  # fmt: skip
     return made

@@ -9,6 +9,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
+from hil.analysis.battery.certainty import Certainty
 from hil.analysis.battery.counted import Net, net
 from hil.analysis.battery.cycles import Cycle, equivalent_full_cycles
 from hil.analysis.battery.fade import Fade
@@ -19,6 +20,7 @@ from hil.analysis.battery.steps import Segmentation, StepKind, segment
 from hil.analysis.battery.summary import Summary, incremental_capacities
 from hil.cli.analyses.log import INCONCLUSIVE, gates_as_json
 from hil.logs.battery import BatteryLog
+from hil.logs.mapping import Accuracy
 from hil.report.tables import aligned, fitting
 
 __all__ = ["Result", "as_json", "as_text"]
@@ -40,6 +42,7 @@ class Result:
         summary: what it shows.
         capacity: nominal, in Ah, None where it is not known.
         how: how steps were told apart.
+        accuracy: bounds of the errors of the meters.
     """
 
     file: str
@@ -48,6 +51,18 @@ class Result:
     summary: Summary
     capacity: float | None
     how: Segmentation
+    accuracy: Accuracy
+
+    def certainty(self) -> Certainty:
+        """Return what is known of the meters: of a bound without more the standard uncertainty is a root of three."""
+        bounds = {name: (value or 0.0) / math.sqrt(3.0) for name, value in asdict(self.accuracy).items()}
+        return Certainty(
+            interval=0.0,
+            voltage=bounds["voltage_offset"],
+            current=bounds["current_offset"],
+            current_gain=bounds["current_gain"],
+            voltage_gain=bounds["voltage_gain"],
+        )
 
 
 def as_json(result: Result) -> str:
@@ -62,7 +77,8 @@ def as_json(result: Result) -> str:
         **_sums_as_json(result.log, result.data, result.how),
         "nominal_capacity_Ah": result.capacity,
         "equivalent_full_cycles": _through(result),
-        "cycles": [asdict(each) for each in summary.cycles],
+        "cycles": [asdict(each) | {"uncertainty": _uncertain(each, result)} for each in summary.cycles],
+        "uncertainty": {"bounds": asdict(result.accuracy), "from": _sources(result)},
         "compared": [each.number for each in summary.compared],
         "incremental_capacity_peaks": {
             kind.value: [[asdict(peak) for peak in curve.peaks] for curve in _curves(result, kind)] for kind in _KINDS
@@ -73,6 +89,28 @@ def as_json(result: Result) -> str:
         "gates": gates_as_json(summary.gates),
     }
     return json.dumps(_finite(document), allow_nan=False, indent=2)
+
+
+def _uncertain(cycle: Cycle, result: Result) -> dict[str, float]:
+    """Return the standard uncertainties of a cycle by quantity and unit."""
+    known = result.certainty()
+    found = {}
+    for name, half in (("charge", cycle.charge), ("discharge", cycle.discharge)):
+        if half is not None:
+            found[f"{name}_Ah"], found[f"{name}_Wh"] = known.flowed(half)
+    found["coulombic_efficiency"], found["energy_efficiency"] = known.efficiencies(cycle)
+    return found
+
+
+def _sources(result: Result) -> str:
+    """Return what the standard uncertainties of charges, energies and efficiencies come from."""
+    units = {"current_gain": "of the current", "current_offset": "A", "voltage_gain": "of the voltage",
+             "voltage_offset": "V"}  # fmt: skip
+    told = [f"± {value:g} {units[name]}" for name, value in asdict(result.accuracy).items() if value]
+    meters = (
+        f", and {', '.join(told)}, each over the root of three" if told else "; no accuracy of the meters was given"
+    )
+    return f"the moments of switching between samples{meters}"
 
 
 _KINDS = (StepKind.CHARGE, StepKind.DISCHARGE)
@@ -103,7 +141,7 @@ def as_text(result: Result) -> str:
     head = f"{result.file} ({result.log.maker}): {result.data.time.size} rows, {hours:.4g} h, {_count(len(made))}"
     lines = [f"note: {remark}" for remark in _remarks(result)]
     lines += _sums_as_lines(result.log, result.data, result.how)
-    lines += ["", *_cycles(result.summary), "", *_edges(made)]
+    lines += ["", *_cycles(result), f"± standard uncertainties, of {_sources(result)}", "", *_edges(made)]
     for kind in _KINDS:
         curves = _curves(result, kind)
         if curves and curves[0].peaks:
@@ -146,9 +184,9 @@ def _count(number: int) -> str:
     return "1 cycle" if number == 1 else f"{number} cycles"
 
 
-def _cycles(summary: Summary) -> Iterator[str]:
+def _cycles(result: Result) -> Iterator[str]:
     """Give a line for each half of a cycle, and below them what else is known of it."""
-    made, compared = summary.cycles, {each.number for each in summary.compared}
+    made, compared = result.summary.cycles, {each.number for each in result.summary.compared}
     halves = [
         (cycle.number, name, half)
         for cycle in made
@@ -160,16 +198,27 @@ def _cycles(summary: Summary) -> Iterator[str]:
     yield head
     for cycle in made:
         yield from (line for (number, *_), line in zip(halves, lines, strict=True) if number == cycle.number)
-        yield from (f"       {line}" for line in _remarks_of(cycle, compared=cycle.number in compared))
+        yield from (
+            f"       {line}"
+            for line in _remarks_of(cycle, _uncertain(cycle, result), compared=cycle.number in compared)
+        )
 
 
-def _remarks_of(cycle: Cycle, *, compared: bool) -> Iterator[str]:
+def _remarks_of(cycle: Cycle, known: dict[str, float], *, compared: bool) -> Iterator[str]:
     out = cycle.discharge
+    yield ", ".join(
+        f"{name} ± {known[f'{name}_Ah']:.2g} Ah ± {known[f'{name}_Wh']:.2g} Wh"
+        for name, half in (("charge", cycle.charge), ("discharge", out))
+        if half is not None
+    )
     if out is not None and math.isfinite(out.charge_to_limit):
         yield f"down to the lower limit: {out.charge_to_limit:.5f} Ah, {out.energy_to_limit:.5f} Wh"
     if cycle.charge is not None and cycle.discharge is not None:
-        told = f"coulombic {_cell(cycle.coulombic_efficiency, 5)}, energy {_cell(cycle.energy_efficiency, 5)}"
-        yield f"efficiency: {told}"
+        told = [
+            f"{name} {_cell(value, 5)} ± {_cell(known[f'{name}_efficiency'], 2)}"
+            for name, value in (("coulombic", cycle.coulombic_efficiency), ("energy", cycle.energy_efficiency))
+        ]
+        yield f"efficiency: {', '.join(told)}"
     warm = [
         f"{name} {half.temperature_low:.3g} to {half.temperature_high:.3g} degC, rise {half.temperature_rise:.2g} K"
         for name, half in (("charge", cycle.charge), ("discharge", out))

@@ -57,7 +57,7 @@ def draw_allan(path: Path, axes: Sequence[Axis]) -> None:
 
 
 def draw_battery(path: Path, data: Series, summary: Summary, how: Segmentation) -> None:
-    """Draw voltage over time, voltage over charge, dQ/dV, and capacities over cycles.
+    """Draw voltage over time and charge, dQ/dV, and capacities, energies with their fade, and efficiencies over cycles.
 
     Args:
         path: what to write; its ending, .svg or .png, says the format.
@@ -189,15 +189,18 @@ def _allan(drawn: Sequence[Axis]) -> Figure:
 
 
 def _battery(data: Series, summary: Summary, how: Segmentation) -> Figure:
-    figure = Figure(figsize=(9.0, 7.0), dpi=120, layout="constrained")
+    figure = Figure(figsize=(9.0, 10.0), dpi=120, layout="constrained")
     parts: list[tuple[str, str, Callable[[Axes], None]]] = [
         ("time [h]", "voltage [V]", lambda axes: _over_time(axes, data)),
         ("charge of the step [Ah]", "voltage [V]", lambda axes: _over_charge(axes, data, how)),
         ("voltage [V]", "dQ/dV [Ah/V]", lambda axes: _density(axes, data, how)),
-        ("cycle", "capacity [Ah]", lambda axes: _over_cycles(axes, summary)),
+        ("cycle", "capacity [Ah]", lambda axes: _over_cycles(axes, summary, "charge", "discharge_capacity")),
+        ("cycle", "energy [Wh]", lambda axes: _over_cycles(axes, summary, "energy", "discharge_energy")),
     ]
+    if any(each.complete for each in summary.compared):
+        parts.append(("cycle", "efficiency", lambda axes: _efficiencies(axes, summary)))
     for place, (across, up, fill) in enumerate(parts):
-        axes = figure.add_subplot(2, 2, place + 1)
+        axes = figure.add_subplot(3, 2, place + 1)
         fill(axes)
         axes.set_xlabel(across)
         axes.set_ylabel(up)
@@ -230,14 +233,36 @@ def _density(axes: Axes, data: Series, how: Segmentation) -> None:
             axes.plot(curve.voltage, sign * curve.density, color=_COLOURS[number], linewidth=0.8)
 
 
-def _over_cycles(axes: Axes, summary: Summary) -> None:
+def _over_cycles(axes: Axes, summary: Summary, quantity: str, fading: str) -> None:
+    """Draw a quantity of both halves of each cycle, hollow where it is in no fade, and the line of its fade."""
+    compared = {each.number for each in summary.compared}
     for number, kind in enumerate(_KINDS):
         halves = [(each.number, getattr(each, kind.value)) for each in summary.cycles]
-        rows = np.array([(place, half.charge) for place, half in halves if half is not None]).reshape(-1, 2)
-        if rows.size:
-            axes.plot(rows[:, 0], rows[:, 1], _MARKS[number], color=_COLOURS[number], markersize=4, label=kind.value)
+        rows = [(place, getattr(half, quantity)) for place, half in halves if half is not None]
+        for own, fill in ((True, _COLOURS[number]), (False, "none")):
+            drawn = np.array([row for row in rows if (row[0] in compared) is own]).reshape(-1, 2)
+            label = kind.value if own else f"{kind.value}, incomplete"
+            if drawn.size:
+                axes.plot(
+                    *drawn.T, _MARKS[number], color=_COLOURS[number], markerfacecolor=fill, markersize=4, label=label
+                )
+    line = summary.fades.get(fading)
+    if line is not None:
+        faded = [each.number for each in summary.compared[summary.skip :]]
+        ends = np.array([faded[0], faded[-1]])
+        values = line.beginning.value + line.slope.value * (ends - ends[0])
+        axes.plot(ends, values, color="black", linewidth=1, label=f"{line.slope.value:.3g} {line.slope.unit}")
     if summary.cycles:
-        axes.legend()
+        axes.legend(fontsize="small")
+
+
+def _efficiencies(axes: Axes, summary: Summary) -> None:
+    for number, name in enumerate(("coulombic", "energy")):
+        rows = [(each.number, getattr(each, f"{name}_efficiency")) for each in summary.compared]
+        drawn = np.array([row for row in rows if np.isfinite(row[1])]).reshape(-1, 2)
+        if drawn.size:
+            axes.plot(*drawn.T, _MARKS[number], color=_COLOURS[number], markersize=4, label=name)
+            axes.legend(fontsize="small")
 
 
 def _gyroscope(parts: list[tuple[str, str, Mapping[str, Fit]]]) -> Figure:
