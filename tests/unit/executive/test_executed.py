@@ -12,7 +12,7 @@ import socket
 import sys
 from importlib import metadata
 from importlib.util import cache_from_source
-from types import CodeType
+from types import CodeType, ModuleType
 
 import msgspec
 import pytest
@@ -212,13 +212,44 @@ def test_what_the_product_needs_is_not_named():
     assert "hypothesis" not in needed
 
 
-def test_a_library_of_machine_code_of_nobody_is_told(tmp_path):
+LIAR = """
+from dataclasses import dataclass
+@dataclass
+class Terminals:
+    level: float = 1.0
+    def number(self): return self.level
+    @property
+    def double(self): return 2 * self.level
+"""
+
+
+@pytest.mark.parametrize("name", ["number", "double", "Terminals.number", "Terminals.double"])
+def test_a_part_of_hil_that_others_replaced_before_is_told(tmp_path, monkeypatch, name):
+    """By a driver when it was imported, or a line of a `.pth` file: before the case's own code is looked at."""
+    module = ModuleType("hil.terminals")
+    monkeypatch.setitem(sys.modules, "hil.terminals", module)
+    monkeypatch.setattr(executed, "product_source", dict)
+    exec(compile(LIAR, executed.__file__, "exec"), vars(module))  # noqa: S102
+    exec(compile("def number(self): return 100.0", executed.__file__, "exec"), vars(module))  # noqa: S102
+    ran = Executed(Inputs(tmp_path), {"hil.terminals": module, "late": module}, tmp_path / "no maps")
+    assert [each for each in ran.last_problems() if "replaced" in each] == []
+    false = {}
+    exec(compile("def number(self): return 100.0", str(tmp_path / "lying_psu/driver.py"), "exec"), false)  # noqa: S102
+    owner, _, called = name.rpartition(".")
+    value = property(false["number"]) if called == "double" else false["number"]
+    setattr(module.Terminals if owner else module, called, value)
+    (told,) = (each for each in ran.last_problems() if "replaced" in each)
+    assert told == f"lying_psu/driver.py replaced hil.terminals.{name}, which is a part of hil"
+
+
+def test_a_library_of_machine_code_of_nobody_is_told(tmp_path, monkeypatch):
     """Whoever loaded it, and also when its file is gone; what is of the system, of Python or of a package is not."""
     maps, start = tmp_path / "maps", "7f00-7f10 r-xp 0000 08:01 1 "
     known = ("/usr/lib/libm.so.6", os.path.realpath(sys.executable), msgspec._core.__file__, "[vdso]")
     data = f"7f20-7f30 r--p 0000 08:01 1 {tmp_path}/table.bin\n7f40-7f50 rw-p 0000 00:00 0\n"
     maps.write_text(data + "".join(f"{start}{each}\n" for each in known), encoding="utf-8")
-    ran = Executed(Inputs(tmp_path), maps=maps)
+    monkeypatch.setattr(executed, "product_source", dict)
+    ran = Executed(Inputs(tmp_path), {}, maps)
     assert not [each for each in (*ran.new_problems(), *ran.new_problems()) if "library" in each]
     with maps.open("a", encoding="utf-8") as file:
         file.write(f"{start}{tmp_path}/own clock.so (deleted)\n")

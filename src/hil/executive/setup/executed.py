@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from importlib.machinery import SourceFileLoader
 from importlib.util import MAGIC_NUMBER, cache_from_source
 from pathlib import Path
-from types import CodeType
+from types import CodeType, FunctionType, ModuleType
 
 from hil.executive.setup import auditing
 from hil.executive.setup.checkout import digest_of
@@ -23,6 +23,7 @@ from hil.guardian.ports.hosted import files_executed
 
 __all__ = ["Executed"]
 
+_PRODUCT = "hil"
 _CASES = ("test_", "conftest")
 _HEADER = 16
 """Bytes before the code in a compiled copy: magic number, flags, and time and size of the source (PEP 552)."""
@@ -66,6 +67,7 @@ class Executed:
         self._told: set[str] = set()
         self._seen: set[str] = set()
         self._pythons: set[str] = set()
+        self._fine: set[str] = set()
         self._heard = 0
         self._codes: dict[str, list[CodeType]] = {}
         self._first: tuple[str, ...] = (
@@ -81,7 +83,8 @@ class Executed:
         """Return why what was executed is not known, the product and what it needs included, a sentence each."""
         self._hear()
         changed = ["hil was changed while the run lasted"] if product_source() != self._product else []
-        return self._untold([*self._problems(self._files()), *self._strange_libraries(), *changed])
+        found = (*self._problems(self._files()), *self._replaced_parts(), *self._strange_libraries())
+        return self._untold([*found, *changed])
 
     def packages(self) -> tuple[str, ...]:
         """Return the packages whose code was executed, sorted, but for hil and what hil needs."""
@@ -95,6 +98,18 @@ class Executed:
         files = [file for file in self._files() if file not in self._seen]
         self._seen.update(files)
         return (*self._problems(file for file in files if not self._is_needed(file)), *self._strange_libraries())
+
+    def _replaced_parts(self) -> Iterator[str]:
+        """Give the functions of hil in whose place code of others stands, also if that was before hil looked first."""
+        for owner, name, code in _functions(self._modules):
+            file = code.co_filename
+            if file not in self._fine:
+                made = file.startswith("<frozen ") or (file.startswith("<") and name.startswith("__"))  # by `dataclass`
+                if self._is_needed(file) or self._installed.is_python(file):
+                    self._fine.add(file)
+                elif not made:
+                    by = "/".join(Path(file).parts[-2:]) if file.startswith(os.sep) else "code of no file"
+                    yield f"{by} replaced {owner}.{name}, which is a part of hil"
 
     def _strange_libraries(self) -> Iterator[str]:
         """Give the libraries of machine code that are of nobody, whoever loaded them: the linker, or `ctypes`.
@@ -185,6 +200,21 @@ class Executed:
         """Return the files of the modules that Python's own loader loaded."""
         loaded = (each for each in list(self._modules.values()) if type(_loader(each)) is SourceFileLoader)
         return frozenset(str(getattr(each, "__file__", "")) for each in loaded)
+
+
+def _functions(modules: Mapping[str, object]) -> Iterator[tuple[str, str, CodeType]]:
+    """Yield every function in the modules of hil and their classes: dotted name of where it is, its name, its code."""
+    for named, module in list(modules.items()):
+        if named.partition(".")[0] != _PRODUCT or not isinstance(module, ModuleType):
+            continue
+        owners: dict[str, Mapping[str, object]] = {named: vars(module)}
+        own = [each for each in vars(module).values() if isinstance(each, type) and each.__module__ == named]
+        owners |= {f"{named}.{each.__qualname__}": vars(each) for each in own}
+        for owner, its in owners.items():
+            for name, value in list(its.items()):
+                inner = value.fget if isinstance(value, property) else getattr(value, "__func__", value)
+                if isinstance(inner, FunctionType):
+                    yield owner, name, inner.__code__
 
 
 def _loader(module: object) -> object:
