@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from hil.analysis.magnetics import direction, odd_response
     from hil.analysis.quality import tripped
     from hil.analysis.sampling import assess
+    from hil.analysis.spectra.coefficients import agreement, psd
+    from hil.analysis.spectra.welch import Welch, spectrum
     from hil.analysis.statistics import (
         magnitude,
         mean,
@@ -50,6 +52,8 @@ __all__ = [
     "MovingAverage",
     "Reading",
     "StepKind",
+    "Welch",
+    "agreement",
     "as_c_header",
     "as_csv",
     "as_json",
@@ -77,6 +81,7 @@ __all__ = [
     "observed",
     "odd_response",
     "peak",
+    "psd",
     "reading",
     "reproduction",
     "resistance",
@@ -84,6 +89,7 @@ __all__ = [
     "rise_time",
     "series",
     "share_known",
+    "spectrum",
     "standard_deviation",
     "summarise",
     "time_above",
@@ -112,6 +118,8 @@ _MODULES = {
     "magnetics": ("direction", "odd_response"),
     "quality": ("tripped",),
     "sampling": ("assess",),
+    "spectra.coefficients": ("agreement", "psd"),
+    "spectra.welch": ("Welch", "spectrum"),
     "statistics": ("magnitude", "mean", "not_observable", "observed", "share_known", "standard_deviation", "widened"),
     "tables": ("Column", "as_csv"),
     "transients": ("charge", "crossing", "joule_integral", "peak", "rise_time", "time_above", "time_below"),

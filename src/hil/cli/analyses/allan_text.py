@@ -13,7 +13,7 @@ from hil.cli.analyses.log import INCONCLUSIVE, Log, gates_as_json, status
 from hil.model.figure import Figure, FigureStatus
 from hil.report.tables import aligned, fitting
 
-__all__ = ["NAMES", "Axis", "Result", "as_json", "as_text", "called", "stated"]
+__all__ = ["NAMES", "Axis", "Result", "as_json", "as_text", "called", "heading", "stated"]
 
 _TERMS = ("quantisation", "white", "flicker", "random_walk", "ramp", "averaging_window")
 _LABELS = ("quantisation", "white noise", "flicker", "random walk", "ramp", "best averaging")
@@ -117,7 +117,7 @@ def as_text(result: Result) -> str:
     known = [gate for gate in result.log.gates if gate.ok is False]
     doubts = {gate for axis in result.axes for gate in axis.doubts}
     told = [f"{'INCONCLUSIVE' if gate in doubts else 'note'}: {gate}" for gate in known]
-    lines = fitting([*_heading(result.log), *told, *(f"note: {remark}" for remark in result.log.remarks)], _WIDTH)
+    lines = fitting([*heading(result.log), *told, *(f"note: {remark}" for remark in result.log.remarks)], _WIDTH)
     for axis in result.axes:
         lines += [
             "",
@@ -128,7 +128,8 @@ def as_text(result: Result) -> str:
     return "\n".join(lines)
 
 
-def _heading(log: Log) -> Iterator[str]:
+def heading(log: Log) -> Iterator[str]:
+    """Yield what the times of a log say, a line each."""
     sampling = log.sampling
     if sampling is None:
         samples = next(iter(log.channels.values())).size

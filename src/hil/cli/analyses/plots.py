@@ -21,11 +21,12 @@ from hil.analysis.battery.summary import Summary, incremental_capacities
 from hil.analysis.gyroscope.calibrate import CalibrationReport
 from hil.analysis.gyroscope.fitting import Fit
 from hil.audit.trend import Point, Trend
+from hil.cli.analyses import psd_text
 from hil.cli.analyses.allan_text import NAMES, Axis, called
 from hil.clock.wall import moment_of
 from hil.model.errors import Refused
 
-__all__ = ["draw_allan", "draw_battery", "draw_gyroscope", "draw_trend"]
+__all__ = ["draw_allan", "draw_battery", "draw_gyroscope", "draw_psd", "draw_trend"]
 
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
 """Colours that all eyes tell apart (Okabe and Ito)."""
@@ -85,6 +86,22 @@ def draw_gyroscope(path: Path, report: CalibrationReport) -> None:
     if report.scale:
         parts.append(("scale", "1", report.scale))
     _save(path, lambda: _gyroscope(parts))
+
+
+def draw_psd(path: Path, axes: Sequence[psd_text.Axis]) -> None:
+    """Draw the spectra of some axes of one unit: bands with intervals, the fitted model, and lines.
+
+    Args:
+        path: what to write; its ending, .svg or .png, says the format.
+        axes: what to draw.
+
+    Raises:
+        Refused: another ending, nothing to draw, or a file that cannot be written.
+    """
+    drawn = [axis for axis in axes if axis.noise.bands.density.any()]
+    if not drawn:
+        raise Refused(f"{path}: there is no density above zero to draw", "check the columns' remarks")
+    _save(path, lambda: _psd(drawn))
 
 
 def draw_trend(path: Path, parameter: str, found: Sequence[Trend]) -> None:
@@ -183,6 +200,34 @@ def _allan(drawn: Sequence[Axis]) -> Figure:
     axes.set_xlabel("averaging time [s]")
     axes.set_ylabel(f"{NAMES[curve.estimator]} deviation [{curve.unit}]")
     axes.set_title(f"bars: {curve.confidence:.4g} confidence{lines}", fontsize="small", loc="right")
+    axes.grid(visible=True, which="both", color="#dddddd", linewidth=0.5)
+    axes.legend()
+    return figure
+
+
+def _psd(drawn: Sequence[psd_text.Axis]) -> Figure:
+    figure = Figure(figsize=(7.0, 5.0), dpi=120, layout="constrained")
+    axes = figure.add_subplot()
+    for place, axis in enumerate(drawn):
+        bands, whole, colour = axis.noise.bands, axis.noise.spectrum, _COLOURS[place % len(_COLOURS)]
+        few = slice(1, -1, max(whole.density.size // (5 * _POINTS), 1))
+        axes.plot(whole.frequency[few], whole.density[few], color=colour, linewidth=0.4, alpha=0.4)
+        axes.fill_between(bands.frequency, bands.low, bands.high, color=colour, alpha=0.3, linewidth=0)
+        mark = _MARKS[place % len(_MARKS)]
+        axes.plot(bands.frequency, bands.density, mark, color=colour, markersize=3, label=called(axis.name))
+        axes.plot(bands.frequency, bands.fitted, color=colour, linewidth=1)
+        for line in axis.noise.lines:
+            top = int(np.argmax(whole.density[line.first : line.last + 1])) + line.first
+            axes.plot(whole.frequency[top], whole.density[top], "x", color=colour, markersize=6)
+    whole = drawn[0].noise.spectrum
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.set_xlabel("frequency [Hz]")
+    axes.set_ylabel(f"one-sided power spectral density [{psd_text.squared(whole.unit)}]")
+    axes.set_title(
+        f"marks: bands, {whole.confidence:.4g} confidence shaded; lines: fitted noise; x: spectral lines",
+        fontsize="small", loc="right",
+    )  # fmt: skip
     axes.grid(visible=True, which="both", color="#dddddd", linewidth=0.5)
     axes.legend()
     return figure

@@ -7,6 +7,7 @@ import click
 from hil.cli.analyses.allan import allan
 from hil.cli.analyses.battery import battery
 from hil.cli.analyses.gyroscope_temperature import gyroscope_temperature
+from hil.cli.analyses.psd import psd
 
 __all__ = ["command"]
 
@@ -24,3 +25,4 @@ def command() -> None:
 command.add_command(allan)
 command.add_command(battery)
 command.add_command(gyroscope_temperature)
+command.add_command(psd)

@@ -1,0 +1,138 @@
+"""`hil analyse psd`: power spectrum, lines and noise coefficients of rates at rest."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from hil.cli.analyses.log import Log, Wanted, log_options, obtain
+from hil.model.errors import Refused
+
+if TYPE_CHECKING:
+    from hil.cli.analyses.psd_text import Axis
+
+__all__ = ["psd"]
+
+
+@click.command("psd")
+@log_options
+@click.option("--segment", type=int, metavar="SAMPLES", help="Length of a segment; an eighth of the log by default.")
+@click.option(
+    "--window",
+    type=click.Choice(["hann", "blackmanharris", "flattop", "boxcar"]),
+    default="hann",
+    show_default=True,
+    help="Window of each segment.",
+)
+@click.option("--overlap", type=float, default=0.5, show_default=True, help="Part of a segment that the next shares.")
+@click.option(
+    "--detrend",
+    type=click.Choice(["none", "constant", "linear"]),
+    default="constant",
+    show_default=True,
+    help="What is taken off each segment.",
+)
+@click.option("--confidence", type=float, default=0.68, show_default=True, help="Confidence level of the intervals.")
+@click.option(
+    "--false-alarm",
+    type=click.FloatRange(0.0, 1.0, min_open=True, max_open=True),
+    default=0.01,
+    show_default=True,
+    help="Probability of finding a line in a column of noise alone.",
+)
+@click.option(
+    "--rotation",
+    type=click.FloatRange(min=0.0, min_open=True),
+    metavar="HZ",
+    help="Of the rate table, in turns per second; its harmonics are named.",
+)
+@click.option(
+    "--density",
+    type=(float, str),
+    metavar="VALUE UNIT",
+    help="White noise of the data sheet, one-sided, such as 0.007 deg/s/sqrt(Hz).",
+)
+@click.option("--points", is_flag=True, help="With --json: give every point of the spectrum, not only bands.")
+@click.option("--plot", type=click.Path(path_type=Path), metavar="FILE", help="Draw the spectra: .svg or .png.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON document and nothing else.")
+def psd(
+    *,
+    wanted: Wanted,
+    false_alarm: float,
+    rotation: float | None,
+    density: tuple[float, str] | None,
+    points: bool,
+    plot: Path | None,
+    as_json: bool,
+    **how: Any,  # noqa: ANN401 - options are of many types
+) -> int:
+    """Compute power spectrum, lines and noise coefficients of the rates in FILE, recorded at rest.
+
+    FILE is a text table with or without a header. For every chosen column: the one-sided power spectral density by
+    Welch's method, with its interval; lines that noise does not explain; and white noise, flicker, random walk and
+    quantisation from bands without these lines, beside those of the Allan deviation. Gates look at times and samples
+    first; what they speak against is inconclusive, and the exit code 1.
+
+    \b
+    Examples:
+      hil analyse psd docs/data/gyroscope-xsens-rest.txt --time 1 --columns 2,3,4 --unit LSB --to 50
+      hil analyse psd rest.csv --rate 100 --unit deg/s --density 0.007 "deg/s/sqrt(Hz)"
+    """  # noqa: D301 - click reads \b
+    from hil.analysis import Welch, agreement, characterise  # noqa: PLC0415 - start-up stays light
+    from hil.analysis import psd as spectral  # noqa: PLC0415 - as above
+    from hil.cli.analyses import psd_text  # noqa: PLC0415 - start-up stays light
+
+    sheet = _sheet(wanted, density)
+    log = obtain(replace(wanted, noise_density=None))
+    axes = []
+    for name, values in log.channels.items():
+        noise = spectral(
+            values, log.rate, log.unit, how=Welch(**how), bandwidth=wanted.bandwidth, rotation=rotation,
+            false_alarm=false_alarm, holes=True,
+        )  # fmt: skip
+        allan = characterise(values, log.rate, log.unit, holes=True)
+        axis = psd_text.Axis(name=name, noise=noise, agreement=agreement(noise, allan), doubts=log.doubts(name))
+        axes.append(axis if sheet is None else _compared(axis, log, sheet))
+    if plot is not None:
+        from hil.cli.analyses.plots import draw_psd  # noqa: PLC0415 - matplotlib is slow to import
+
+        draw_psd(plot, axes)
+    result = psd_text.Result(log=log, axes=tuple(axes))
+    click.echo(psd_text.as_json(result, points=points) if as_json else psd_text.as_text(result))
+    return int(any(axis.doubts for axis in axes))
+
+
+def _sheet(wanted: Wanted, density: tuple[float, str] | None) -> float | None:
+    """Return the density of the data sheet, one-sided, in the unit of the result per root of a hertz."""
+    from hil.requirements.units import convert  # noqa: PLC0415 - slow to import
+
+    if density is None:
+        return wanted.noise_density
+    if wanted.noise_density is not None:
+        raise Refused("--density and --noise-density are two words for one thing", "give --density VALUE UNIT alone")
+    value = convert(density[0], density[1], f"{wanted.result_unit}/sqrt(Hz)")
+    if not 0.0 < value < math.inf:
+        raise Refused(f"--density {density[0]:g} is not possible", "give a number above zero")
+    return value
+
+
+def _compared(axis: Axis, log: Log, sheet: float) -> Axis:
+    """Return an axis with its density over that of the data sheet; far from 1 it is suspicious, hence inconclusive."""
+    from hil.analysis import Facts, quality  # noqa: PLC0415 - start-up stays light
+    from hil.cli.analyses.psd_text import Comparison  # noqa: PLC0415 - start-up stays light
+    from hil.model.figure import FigureStatus  # noqa: PLC0415 - as above
+
+    found = axis.noise.density
+    value = found.value
+    if found.status is not FigureStatus.MEASURED:  # the density near 1 s still shows a wrong unit
+        value = math.sqrt(2.0) * quality.density(log.channels[axis.name], log.rate)
+    gate = quality.density_agrees(axis.name, value, Facts(noise_density=sheet))
+    return replace(
+        axis,
+        comparison=Comparison(sheet=sheet, ratio=found * (1.0 / sheet), gate=gate),
+        doubts=(*axis.doubts, gate) if gate.ok is False else axis.doubts,
+    )
