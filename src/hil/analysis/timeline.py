@@ -105,11 +105,15 @@ def timeline(
     """
     raw = np.asarray(timestamps, dtype=np.float64)
     remarks: list[str] = []
-    raw, gates = _filled(raw, remarks)
-    raw, told = unwrapped(raw)
-    remarks += told
-    raw, rows = _in_order(raw, values, remarks)
-    seconds = (raw - raw[:1]) * TIME_UNITS[unit]
+    gates: list[Gate] = []
+    rows: _Places | None = None
+    if not (raw.size > 2 and (raw[1:] > raw[:-1]).all() and math.isfinite(raw[0]) and math.isfinite(raw[-1])):
+        raw, gates = _filled(raw, remarks)
+        raw, told = unwrapped(raw)
+        remarks += told
+        raw, rows = _in_order(raw, values, remarks)
+    seconds = raw - raw[:1]
+    seconds *= TIME_UNITS[unit]
     report, places = placed(seconds)
     gates.append(_likely(report, unit, typed=typed))
     remarks += _remarks(report)
