@@ -8,7 +8,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.analysis.gates import Facts, Gate, numbers
+from hil.analysis.gates import Facts, Gate, numbers, present
 
 __all__ = ["resolved", "rounding", "saturated", "spikes"]
 
@@ -26,6 +26,8 @@ _WIDTHS = (1, 4, 16, 64)  # samples that are averaged: a knock shows where they 
 _FINE = 0.6  # of a standard deviation: with a larger step the robust scatter is a step as well
 _TAIL, _BEYOND_TAIL = 4.0, 6.3e-5  # standard deviations, and the share of white noise beyond them
 _BY_CHANCE = 1e-6  # records of white noise in which a spike is found
+_BLOCK = 1 << 14  # samples that are looked at at once, within the processor's cache
+_ENOUGH_FOR_QUARTERS = 100_000  # samples that tell quartiles to half a percent of the scatter
 _LOOKED_AT = 10_000  # samples that are looked at one by one
 _AROUND, _WIDEST = 8, 3  # samples on either side of a spike, and how many of them it may take
 _SAME, _MOST_LEVELS = 1e-2, 20_000
@@ -39,21 +41,22 @@ def saturated(channel: str, values: _Array, facts: Facts) -> Gate:
     """
     if facts.full_scale is None:
         return _clipped(channel, values)
-    full = np.flatnonzero(np.isfinite(values) & (np.abs(values) >= _NEAR_FULL * facts.full_scale))
+    limit = _NEAR_FULL * facts.full_scale
+    full = np.flatnonzero(((values >= limit) | (values <= -limit)) & np.isfinite(values))
     reason = f"{full.size} of {values.size} samples are at full scale, {facts.full_scale:g}"
     return Gate(name="saturated", channel=channel, ok=not full.size, reason=reason, samples=numbers(full))
 
 
 def _clipped(channel: str, values: _Array) -> Gate:
-    present = values[np.isfinite(values)]
+    here = present(values)
     unknown = Gate(name="saturated", channel=channel, ok=None, reason="the full scale is not known")
-    if present.size < _ENOUGH:
+    if here.size < _ENOUGH:
         return unknown
-    quarters = np.quantile(present, (0.25, 0.75))
+    quarters = np.quantile(here[:: max(1, here.size // _ENOUGH_FOR_QUARTERS)], (0.25, 0.75))
     width = float(quarters[1] - quarters[0]) * _NEAR_END
-    step = _step(present) or 0.0
-    for end in (float(present.max()), float(present.min())):
-        if step > width and _piled(present, end, step):
+    step = _step(here) or 0.0
+    for end in (float(here.max()), float(here.min())):
+        if step > width and _piled(here, end, step):
             reason = f"more samples are at {end:.6g} than the levels below it let expect: clipped"
             return Gate(
                 name="saturated",
@@ -62,18 +65,13 @@ def _clipped(channel: str, values: _Array) -> Gate:
                 reason=reason,
                 samples=numbers(np.flatnonzero(values == end)),
             )
-        away = np.abs(present - end)
-        at = int((away == 0.0).sum())
-        beside = int((away <= max(width, 1.5 * step)).sum()) - at
-        visits = int(np.count_nonzero(np.diff((away == 0.0).astype(np.int8)) == 1))
-        if (
-            width > 0.0
-            and at >= _PILED
-            and visits >= _VISITS
-            and at > _PILE * (beside + math.sqrt(beside))
-            and at < 0.9 * present.size
-        ):
-            reason = f"{at} of {values.size} samples are at {end:.6g} and only {beside} near it: clipped"
+        at = here == end
+        count = int(np.count_nonzero(at))
+        if not (width > 0.0 and _PILED <= count < 0.9 * here.size) or np.count_nonzero(at[1:] > at[:-1]) < _VISITS:
+            continue
+        beside = int(np.count_nonzero(np.abs(here - end) <= max(width, 1.5 * step))) - count
+        if count > _PILE * (beside + math.sqrt(beside)):
+            reason = f"{count} of {values.size} samples are at {end:.6g} and only {beside} near it: clipped"
             return Gate(
                 name="saturated",
                 channel=channel,
@@ -84,10 +82,11 @@ def _clipped(channel: str, values: _Array) -> Gate:
     return unknown
 
 
-def _piled(present: _Array, end: float, step: float) -> bool:
+def _piled(here: _Array, end: float, step: float) -> bool:
     """Tell whether the last level holds more than a tail of noise, which has n0 n2 <= n1^2 as Gauss' has."""
-    level = np.rint(np.abs(present - end) / step)
-    last, second, third = (int((level == place).sum()) for place in range(3))
+    near = here[np.abs(here - end) < 3.0 * step]
+    level = np.rint(np.abs(near - end) / step)
+    last, second, third = (int(np.count_nonzero(level == place)) for place in range(3))
     if min(last, second, third) < _ENOUGH:
         return False
     spread = math.sqrt(1.0 / last + 4.0 / second + 1.0 / third)
@@ -103,31 +102,31 @@ def spikes(channel: str, values: _Array) -> Gate:
     not one noise.
     """
     name = "spikes"
-    step = _step(values[np.isfinite(values)]) or 0.0
+    step = _step(values) or 0.0
     reason = ""
-    for width in _WIDTHS:
-        means = values[: values.size // width * width].reshape(-1, width).mean(axis=1) if width > 1 else values
+    means = values
+    for width, finer in zip(_WIDTHS, (1, *_WIDTHS), strict=False):
+        means = _averaged(means, width // finer)
         if means.size < (_ENOUGH if width == 1 else 4 * _ENOUGH):
             break
-        off = means[1:-1] - 0.5 * (means[:-2] + means[2:])
-        scatter = max(_robust(off), 0.5 * step / width)
+        count = means.size - 2
+        scatter = max(_robust(means), 0.5 * step / width)
         if not scatter > 0.0:
             continue
         limit = math.sqrt(2.0 * math.log(means.size / _BY_CHANCE))
-        with np.errstate(invalid="ignore"):
-            far = np.flatnonzero(np.abs(off) > limit * scatter) + 1
+        tail, off = _standing_out(means, min(limit, _TAIL) * scatter)
+        far = tail[off > limit * scatter]
         alone = [place for place in far[:_LOOKED_AT].tolist() if _alone(means, place, limit * scatter)]
         if alone:
             found = np.array(alone, dtype=np.intp)
-            height = float(np.abs(off[found - 1]).max()) / scatter
+            height = float(off[np.isin(tail, found)].max()) / scatter
             one, more = ("sample", "samples") if width == 1 else (f"average over {width}", f"averages over {width}")
             stand = f"1 {one} stands" if found.size == 1 else f"{found.size} {more} stand"
             told = f"{stand} out of the noise by up to {height:.3g} standard deviations"
             reason = f"{told}, the first is number {found[0] * width + 1}"
             return Gate(name=name, channel=channel, ok=False, reason=reason, samples=numbers(found * width))
         if width == 1 and step < _FINE * scatter:
-            tail = np.flatnonzero(np.abs(off) > _TAIL * scatter) + 1
-            expected = off.size * _BEYOND_TAIL
+            expected = count * _BEYOND_TAIL
             if tail.size > _FEWEST + 10.0 * expected:
                 told = f"{tail.size} samples stand out by more than {_TAIL:g} standard deviations"
                 reason = f"{told}, where chance makes {expected:.1g}, the first is number {tail[0] + 1}"
@@ -138,10 +137,40 @@ def spikes(channel: str, values: _Array) -> Gate:
     return Gate(name=name, channel=channel, ok=True, reason=reason)
 
 
-def _robust(off: _Array) -> float:
-    looked = off[:: max(1, off.size // 100_000)]
+def _averaged(values: _Array, width: int) -> _Array:
+    """Return the means of so many samples each."""
+    if width == 1:
+        return values
+    whole = values[: values.size // width * width]
+    means: _Array = whole[::width] + whole[1::width]
+    for place in range(2, width):
+        means += whole[place::width]
+    means /= width
+    return means
+
+
+def _robust(values: _Array) -> float:
+    """Return the robust scatter of samples from the mean of their neighbours; of many, some are looked at."""
+    every = max(1, (values.size - 2) // 100_000)
+    looked = values[1:-1:every] - 0.5 * (values[:-2:every] + values[2::every])
     looked = looked[np.isfinite(looked)]
     return 1.4826 * float(np.median(np.abs(looked))) if looked.size else 0.0
+
+
+def _standing_out(values: _Array, limit: float) -> tuple[NDArray[np.intp], _Array]:
+    """Return the places of samples that are off the mean of their neighbours by more than a limit, and by how much."""
+    places, heights = [], []
+    for begin in range(0, values.size - 2, _BLOCK):
+        part = values[begin : begin + _BLOCK + 2]
+        off = part[2:] + part[:-2]
+        off *= -0.5
+        off += part[1:-1]
+        np.abs(off, out=off)
+        with np.errstate(invalid="ignore"):
+            far = np.flatnonzero(off > limit)
+        places.append(far + (begin + 1))
+        heights.append(off[far])
+    return np.concatenate(places), np.concatenate(heights)
 
 
 def _alone(values: _Array, place: int, limit: float) -> bool:
@@ -158,19 +187,36 @@ def rounding(values: _Array, facts: Facts) -> float:
 
     Rounding adds a variance of q^2 / 12 to that of the noise before it.
     """
-    lsb = facts.lsb or _step(values[np.isfinite(values)])
-    steps = np.diff(values)
-    steps = steps[np.isfinite(steps)]
-    if lsb is None or not steps.size:
+    lsb = facts.lsb or _step(values)
+    if lsb is None:
         return 0.0
-    variance = float(np.square(steps).mean()) / 2.0 / lsb**2
+    power, count = _moves(values)
+    if not count:
+        return 0.0
+    variance = power / count / 2.0 / lsb**2
     return 1.0 / math.sqrt(1.0 - 1.0 / (12.0 * variance)) - 1.0 if variance > 1.0 / 6.0 else 0.0
 
 
-def _step(present: _Array) -> float | None:
-    """Return the step of readings that are whole multiples of one, None if they show none."""
-    levels = np.unique(present[:_MOST_LEVELS])
-    if levels.size < 2 or levels.size > present[:_MOST_LEVELS].size / 2:
+def _moves(values: _Array) -> tuple[float, int]:
+    """Return the sum of the squared differences of neighbours that are numbers, and how many these are."""
+    power, count = 0.0, 0
+    for begin in range(0, values.size - 1, _BLOCK):
+        steps = np.diff(values[begin : begin + _BLOCK + 1])
+        part = float(np.einsum("i,i->", steps, steps))
+        if not math.isfinite(part):
+            steps = steps[np.isfinite(steps)]
+            part = float(np.einsum("i,i->", steps, steps))
+        power, count = power + part, count + steps.size
+    return power, count
+
+
+def _step(values: _Array) -> float | None:
+    """Return the step of readings that are whole multiples of one, None if the first of them show none."""
+    looked = present(values[:_MOST_LEVELS])
+    if looked.size < min(_MOST_LEVELS, values.size):
+        looked = present(values)[:_MOST_LEVELS]
+    levels = np.unique(looked)
+    if levels.size < 2 or levels.size > looked.size / 2:
         return None
     steps = np.diff(levels)
     steps = steps[steps > _ROUNDING * max(float(np.abs(levels).max()), float(np.ptp(levels)))]
@@ -188,14 +234,13 @@ def resolved(channel: str, values: NDArray[np.float64], facts: Facts) -> Gate:
     Then the noise of the readings does not follow sqrt(s^2 + q^2 / 12) any more, may vanish, and averaging does not
     help. s is taken from differences of neighbours, so that drift does not count as noise.
     """
-    lsb = facts.lsb or _step(values[np.isfinite(values)])
+    lsb = facts.lsb or _step(values)
     if lsb is None:
         return Gate(name="resolved", channel=channel, ok=None, reason="what one count is worth is not known")
-    steps = np.diff(values)
-    steps = steps[np.isfinite(steps)]
-    if not steps.size:
+    power, count = _moves(values)
+    if not count:
         return Gate(name="resolved", channel=channel, ok=None, reason="no two samples follow each other")
-    scatter = math.sqrt(float(np.square(steps).mean()) / 2.0) / lsb
+    scatter = math.sqrt(power / count / 2.0) / lsb
     least = math.sqrt(_RESOLVED**2 + 1.0 / 12.0)
     reason = f"neighbours scatter by {scatter:.2g} counts, and {least:.2g} are needed"
     if facts.lsb is None:

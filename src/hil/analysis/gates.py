@@ -21,6 +21,7 @@ __all__ = [
     "factor_of",
     "finite",
     "numbers",
+    "present",
     "repeated",
     "stuck",
 ]
@@ -77,6 +78,7 @@ _Array: TypeAlias = NDArray[np.float64]
 _ROUNDING = 1e-9  # of the value: a channel that moves less than this does not move
 _LONGER = 3.0  # times the longest run that chance makes
 _FEWEST = 10  # equal samples that are never called stuck
+_LOOKED_AT = 200_000  # samples that tell steps and scatter well enough
 _MANY = 0.01  # share of repeated rows that is looked at
 _FEWEST_ROWS = 5  # repeated rows that are never called so
 _NAMED = 10  # samples that a gate names
@@ -85,9 +87,9 @@ _SIBLINGS, _SCATTER = 3, 2.0  # channels, and the ratio of noises within which t
 
 def finite(channel: str, values: _Array) -> Gate:
     """Trip where a value is NaN or infinite."""
-    bad = np.flatnonzero(~np.isfinite(values))
-    if not bad.size:
+    if np.isfinite(values).all():
         return Gate(name="finite", channel=channel, ok=True, reason=f"all {values.size} samples are numbers")
+    bad = np.flatnonzero(~np.isfinite(values))
     reason = f"{bad.size} of {values.size} samples are not finite numbers, the first is number {bad[0] + 1}"
     return Gate(name="finite", channel=channel, ok=False, reason=reason, samples=numbers(bad))
 
@@ -97,30 +99,47 @@ def numbers(places: NDArray[np.intp]) -> tuple[int, ...]:
     return tuple((places[:_NAMED] + 1).tolist())
 
 
+def present(values: _Array) -> _Array:
+    """Return the values that are numbers: the array itself where all are."""
+    here = np.isfinite(values)
+    return values if here.all() else values[here]
+
+
 def stuck(channel: str, values: _Array) -> Gate:
     """Trip where a channel never moves, or stands still for much longer than chance explains.
 
     In n samples of which a share p repeats the one before, the longest run of equal samples is about
     ln(n) / -ln(p); three times that, and ten samples, are allowed.
     """
-    present = values[np.isfinite(values)]
-    if present.size < 2:
+    values = present(values)
+    if values.size < 2:
         return Gate(name="stuck", channel=channel, ok=None, reason="fewer than two samples are numbers")
-    span = float(np.ptp(present))
-    if span <= _ROUNDING * float(np.abs(present).max()):
-        return Gate(name="stuck", channel=channel, ok=False, reason=f"all samples are {present[0]:.6g}")
-    ends = np.concatenate([[-1], np.flatnonzero(np.diff(present)), [present.size - 1]])
-    runs = np.diff(ends)
-    longest, place = int(runs.max()), int(ends[int(runs.argmax())] + 1)
-    others = max(1, present.size - longest)
-    share = min(max((others - runs.size + 1) / others, 0.5 / others), 1.0 - 0.5 / others)
-    usual = math.log(present.size) / -math.log(share)
+    low, high = float(values.min()), float(values.max())
+    if high - low <= _ROUNDING * max(abs(low), abs(high)):
+        return Gate(name="stuck", channel=channel, ok=False, reason=f"all samples are {values[0]:.6g}")
+    again = np.flatnonzero(values[1:] == values[:-1])
+    longest, place = _longest(again)
+    runs = values.size - again.size
+    others = max(1, values.size - longest)
+    share = min(max((others - runs + 1) / others, 0.5 / others), 1.0 - 0.5 / others)
+    usual = math.log(values.size) / -math.log(share)
     if longest <= max(_FEWEST, _LONGER * usual):
         return Gate(name="stuck", channel=channel, ok=True, reason=f"at most {longest} equal samples follow each other")
     reason = (
         f"{longest} equal samples follow each other from number {place + 1} on, where chance makes about {usual:.0f}"
     )
     return Gate(name="stuck", channel=channel, ok=False, reason=reason, samples=(place + 1, place + longest))
+
+
+def _longest(again: NDArray[np.intp]) -> tuple[int, int]:
+    """Return the length and the first place of the longest run, given the places of samples that the next repeats."""
+    if not again.size:
+        return 1, 0
+    breaks = np.flatnonzero(np.diff(again) != 1)
+    edges = np.concatenate([[-1], breaks, [again.size - 1]])
+    lengths = np.diff(edges)
+    widest = int(lengths.argmax())
+    return int(lengths[widest]) + 1, int(again[edges[widest] + 1])
 
 
 def repeated(channels: Mapping[str, _Array]) -> Gate:
@@ -130,15 +149,15 @@ def repeated(channels: Mapping[str, _Array]) -> Gate:
     with one, in 0.28 steps over the standard deviation of its noise.
     """
     name = "repeated"
-    equal = [np.diff(values) == 0.0 for values in channels.values()]
+    equal = [values[1:] == values[:-1] for values in channels.values()]
     if not equal or not equal[0].size:
         return Gate(name=name, channel="", ok=None, reason="there are no two samples to compare")
-    rows = np.logical_and.reduce(equal)
+    rows = np.logical_and.reduce(equal) if len(equal) > 1 else equal[0]
     share = float(rows.mean())
     if len(equal) > 1:
         expected = math.prod(float(each.mean()) for each in equal)
     else:
-        expected = _expected(np.diff(next(iter(channels.values()))))
+        expected = _expected(next(iter(channels.values())))
     counted = f"{share:.1%} of the rows repeat the one before, where chance makes {expected:.1%}"
     ok = share <= max(_MANY, 3.0 * expected) or int(rows.sum()) < _FEWEST_ROWS
     return Gate(
@@ -146,8 +165,12 @@ def repeated(channels: Mapping[str, _Array]) -> Gate:
     )
 
 
-def _expected(steps: _Array) -> float:
+def _expected(values: _Array) -> float:
+    """Return the share of samples that repeat the one before by chance, as the first of a long record show it."""
+    steps = np.diff(values[:_LOOKED_AT])
     moving = np.abs(steps[(steps != 0.0) & np.isfinite(steps)])
+    if not moving.size and values.size > _LOOKED_AT:
+        return _expected(values[_LOOKED_AT - 1 :])
     if not moving.size:
         return 1.0
     return min(1.0, float(moving.min()) / (2.0 * math.sqrt(math.pi) * float(moving.std() or moving[0])))

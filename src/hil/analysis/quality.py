@@ -158,7 +158,7 @@ def read(channels: Mapping[str, NDArray[np.float64]], facts: Facts, rate: float 
         rate: samples per second, None if it is not known.
     """
     given = {name: values for name, values in channels.items() if name != facts.temperature}
-    rates = {name: np.where(np.isinf(values), np.nan, values) for name, values in given.items()}
+    rates = {name: _without_infinities(values) for name, values in given.items()}
     found = [repeated(rates)]
     if rate is not None:
         found.append(aliased(rate, facts))
@@ -173,6 +173,11 @@ def read(channels: Mapping[str, NDArray[np.float64]], facts: Facts, rate: float 
         values = channels[facts.temperature]
         found += [finite(facts.temperature, values), celsius(facts.temperature, values)]
     return tuple(found)
+
+
+def _without_infinities(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    infinite = np.isinf(values)
+    return np.where(infinite, np.nan, values) if infinite.any() else values
 
 
 def _scatter(values: NDArray[np.float64]) -> float:
