@@ -7,6 +7,7 @@ import marshal
 import os
 import re
 import sys
+from bisect import bisect_left
 from collections.abc import Iterable, Iterator, Mapping
 from importlib.machinery import SourceFileLoader
 from importlib.util import MAGIC_NUMBER, cache_from_source
@@ -241,55 +242,85 @@ def _are_of(codes: Iterable[CodeType], source: bytes, file: str) -> bool:
         due = compile(source, file, "exec", dont_inherit=True)
     except (SyntaxError, ValueError):
         return False
-    return all(code == due or _essence(code) == _essence(due) for code in codes)
+    return all(code == due or _is_alike(code, due) for code in codes)
+
+
+def _is_alike(one: CodeType, other: CodeType) -> bool:
+    """Return whether two codes do the same, whatever the interpreter has learned of one while it ran.
+
+    Python 3.11 compiles one source not always to the same bytes: it jumps to a jump or to where that leads, leaves a
+    jump or a step without effect in place, or puts a step twice. So both are followed along every way, step by step.
+    """
+    if _head(one) != _head(other):
+        return False
+    mine, its = _Course(one), _Course(other)
+    waiting, seen = [(mine.leads_to(0), its.leads_to(0))], set()
+    while waiting:
+        pair = waiting.pop()
+        if pair in seen:
+            continue
+        seen.add(pair)
+        (what, const, ways), (its_what, its_const, its_ways) = mine.step(pair[0]), its.step(pair[1])
+        if isinstance(const, CodeType) and isinstance(its_const, CodeType):
+            alike = _is_alike(const, its_const)
+        else:
+            alike = _essence(const) == _essence(its_const)
+        if what != its_what or len(ways) != len(its_ways) or not alike:
+            return False
+        waiting += zip(ways, its_ways, strict=True)
+    return True
+
+
+def _head(code: CodeType) -> tuple[object, ...]:
+    counts = (code.co_argcount, code.co_posonlyargcount, code.co_kwonlyargcount, code.co_flags)
+    return (counts, code.co_name, code.co_varnames, code.co_freevars, code.co_cellvars)
 
 
 def _essence(value: object) -> object:
-    """Return what two equal codes have alike, whatever the interpreter has learned of one while it ran."""
-    if isinstance(value, CodeType):
-        counts = (value.co_argcount, value.co_posonlyargcount, value.co_kwonlyargcount, value.co_flags)
-        names = (value.co_name, value.co_varnames, value.co_freevars, value.co_cellvars)
-        consts = tuple(_essence(each) for each in value.co_consts if isinstance(each, CodeType))
-        return (counts, names, _steps(value), consts)
+    """Return what two equal constants have alike: their types, too, and no order of a set."""
     if isinstance(value, tuple):
         return tuple(map(_essence, value))
     return (type(value), sorted(map(repr, value)) if isinstance(value, frozenset) else repr(value))
 
 
-def _steps(code: CodeType) -> tuple[object, ...]:
-    """Return the instructions, each jump with the one that it leads to in the end, and the handlers of exceptions.
+class _Course:
+    """The steps of a code, and where each of them leads."""
 
-    Python 3.11 compiles one source not always to the same bytes: it may jump to a jump, or to where that leads.
-    """
-    every = list(dis.get_instructions(code))
-    known = [each for each in every if each.opname != "EXTENDED_ARG"]
-    place, number = {}, 0
-    for each in every:
-        place[each.offset] = number
-        number += each.opname != "EXTENDED_ARG"
-    place[len(code.co_code)] = number
+    def __init__(self, code: CodeType) -> None:
+        self._steps = [each for each in dis.get_instructions(code) if each.opname != "EXTENDED_ARG"]
+        self._offsets = [each.offset for each in self._steps]
+        self._handlers = getattr(dis, "_parse_exception_table")(code)  # noqa: B009 - there is no public way to it
 
-    def leads_to(offset: int) -> int:
-        for _ in known:
-            step = known[place[offset]]
-            if step.opname not in _JUMPS:
+    def leads_to(self, offset: int) -> int:
+        """Return the number of the step at an offset, or of the one to which jumps lead from there."""
+        number = bisect_left(self._offsets, offset)  # an offset of an EXTENDED_ARG is that of the step behind it
+        for _ in self._steps:
+            if number >= len(self._steps) or self._steps[number].opname not in _EMPTY:
                 break
-            offset = step.argval
-        return place[offset]
+            step = self._steps[number]
+            number = number + 1 if step.opname == "NOP" else bisect_left(self._offsets, step.argval)
+        return number
 
-    steps = tuple(
-        ("JUMP" if each.opname in _JUMPS else _WAY.sub("", each.opname), leads_to(each.argval))
-        if each.opcode in dis.hasjrel or each.opcode in dis.hasjabs
-        else (each.opname, _essence(_named(each.argval)))
-        for each in known
-    )
-    handlers = getattr(dis, "_parse_exception_table")(code)  # noqa: B009 - there is no public way to it
-    return (steps, *((place[each.start], place[each.end], place[each.target], each.depth) for each in handlers))
+    def step(self, number: int) -> tuple[tuple[object, ...], object, tuple[int, ...]]:
+        """Return what a step is, its constant or name, and where it leads: on, by its jump, by an exception."""
+        if number >= len(self._steps):
+            return ("END",), None, ()
+        step = self._steps[number]
+        ways = [] if step.opname in _LAST else [self._after(number)]
+        jumps = step.opcode in dis.hasjrel or step.opcode in dis.hasjabs
+        ways += [self.leads_to(step.argval)] if jumps else []
+        handler = next((each for each in self._handlers if each.start <= step.offset < each.end), None)
+        ways += [self.leads_to(handler.target)] if handler else []
+        caught = (handler.depth, handler.lasti) if handler else None
+        return (_WAY.sub("", step.opname), caught), None if jumps else step.argval, tuple(ways)
+
+    def _after(self, number: int) -> int:
+        after = number + 1
+        return self.leads_to(self._offsets[after]) if after < len(self._steps) else after
 
 
-def _named(value: object) -> object:
-    return value.co_name if isinstance(value, CodeType) else value  # its own code is compared by itself
-
-
-_JUMPS = frozenset({"JUMP_FORWARD", "JUMP_BACKWARD"})
+_EMPTY = frozenset({"NOP", "JUMP_FORWARD", "JUMP_BACKWARD", "JUMP_BACKWARD_NO_INTERRUPT"})
+"""Steps that do nothing but lead to another one."""
+_LAST = frozenset({"RAISE_VARARGS", "RERAISE", "RETURN_VALUE"})
+"""Steps that lead nowhere but to a handler."""
 _WAY = re.compile("FORWARD_|BACKWARD_")
