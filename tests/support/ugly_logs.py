@@ -83,10 +83,15 @@ def said(ugly: Kind, folder: Path) -> Said:
     path = folder / "ugly.csv"
     path.write_bytes(made if isinstance(made, bytes) else made.encode())
     arguments = [str(path) if each == "FILE" else each for each in ugly.command]
+    for place, each in enumerate(ugly.command):
+        if each.startswith("schema:"):
+            (folder / "mapping.yaml").write_text(each)
+            arguments[place] = str(folder / "mapping.yaml")
     try:
         result = CliRunner().invoke(command, [*arguments, "--json"], catch_exceptions=False, standalone_mode=False)
     except HilError as error:
-        return Said(outcome="error", sentence=error.message.replace(f"{path}", "FILE"))
+        told = error.message.replace(f"{path}", "FILE").replace(f"{folder / 'mapping.yaml'}", "MAPPING")
+        return Said(outcome="error", sentence=told)
     document = json.loads(result.stdout)
     figures = tuple(ugly.figure(document))
     flagged = document.get("status") == "inconclusive"
@@ -569,11 +574,14 @@ AH = 1.0
 
 
 def capacity(document):
-    """Return the discharged charge of every cycle; its uncertainty is that of rounding and the edges."""
-    cycles = document["cycles"]
+    """Return the discharged charge of every cycle with the uncertainty that is told."""
     return [
-        {"value": each["discharge"]["charge"] if each["discharge"] else 0.0, "uncertainty": 2e-3, "status": "measured"}
-        for each in cycles
+        {
+            "value": each["discharge"]["charge"] if each["discharge"] else 0.0,
+            "uncertainty": each["uncertainty"].get("discharge_Ah", 0.0),
+            "status": "measured",
+        }
+        for each in document["cycles"]
     ] or [{"value": 0.0, "uncertainty": 0.0, "status": "measured"}]
 
 
@@ -636,6 +644,155 @@ def battery_two():
     return f"{HEAD}\n0,3.5,1,25\n1,3.5,1,25\n"
 
 
+def of_steps(time, current):
+    """Return the time since the step that each row belongs to began, where the row before it ended."""
+    first = np.append(True, np.diff(np.sign(current)) != 0)
+    begins = np.maximum.accumulate(np.where(first, np.append(0.0, time[:-1]), 0.0))
+    return time - begins
+
+
+def mapping(more=""):
+    """Return a mapping of the columns of a cell, and of what stands below them."""
+    return (
+        "schema: hil/battery-log/1\ncolumns: {time: t, voltage: U, current: I, temperature: T, state: S}\n"
+        'cell: {capacity: "1.0", lower: "3.0"}\n' + more
+    )
+
+
+STATES = "states: {charge: [C], discharge: [D], rest: [R]}\n"
+MAPPED = ("battery", "FILE", "--mapping", mapping(STATES))
+RUNS = (*BATTERY, "--time-restarts", "run")
+
+
+def letters(current):
+    """Return the states of a cell as letters."""
+    return np.select([current > 0, current < 0], ["C", "D"], "R")
+
+
+@kind("a cell's time of each step", BATTERY, AH, capacity)
+def battery_steps():
+    time, voltage, current, warm = cell()
+    return table(of_steps(time, current), voltage, current, warm, head=HEAD)
+
+
+@kind("a cell's time of each step, as is said", (*BATTERY, "--time-restarts", "step"), AH, capacity)
+def battery_steps_said():
+    return battery_steps()
+
+
+@kind("two runs of a cell, one after the other, each from zero", RUNS, AH, capacity)
+def battery_runs():
+    return battery_even() + battery_even().removeprefix(f"{HEAD}\n")
+
+
+@kind("a cell's current without a sign", BATTERY, AH, capacity)
+def battery_unsigned():
+    time, voltage, current, warm = cell()
+    return table(time, voltage, np.abs(current), warm, head=HEAD)
+
+
+@kind("a cell's current without a sign, with states", MAPPED, AH, capacity)
+def battery_states():
+    time, voltage, current, warm = cell()
+    return table(time, voltage, np.abs(current), warm, letters(current), head=f"{HEAD},S")
+
+
+@kind("a cell's states, one of them unknown to the mapping", MAPPED, AH, capacity)
+def battery_unknown_state():
+    return battery_states().replace(",R\n", ",P\n")
+
+
+@kind(
+    "a cell's states, charge and discharge mixed up",
+    (*MAPPED[:3], mapping("states: {charge: [D], discharge: [C], rest: [R]}\n")), AH, capacity,
+)  # fmt: skip
+def battery_mixed_states():
+    return battery_states()
+
+
+@kind(
+    "a cell's states, the discharge called a rest",
+    (*MAPPED[:3], mapping("states: {charge: [C], rest: [R, D]}\n")), AH, capacity,
+)  # fmt: skip
+def battery_rest_flows():
+    return battery_states()
+
+
+@kind("a cell's voltage in mV", BATTERY, AH, capacity)
+def battery_millivolts():
+    time, voltage, current, warm = cell()
+    return table(time, 1e3 * voltage, current, warm, head=HEAD)
+
+
+@kind(
+    "a cell's voltage in mV and current in mA, as the columns' names say",
+    tuple({"U": "U_mV", "I": "I/mA"}.get(each, each) for each in BATTERY), AH, capacity,
+)  # fmt: skip
+def battery_named_units():
+    time, voltage, current, warm = cell()
+    return table(time, 1e3 * voltage, 1e3 * current, warm, head="t,U_mV,I/mA,T")
+
+
+@kind("a cell's rest at 4.35 V, where 4.2 V is the limit", BATTERY, AH, capacity)
+def battery_rest():
+    time, voltage, current, warm = cell()
+    return table(time, np.where((current == 0) & (voltage > 4.0), 4.35, voltage), current, warm, head=HEAD)
+
+
+@kind("a cell whose voltage falls as its charge begins", BATTERY, AH, capacity)
+def battery_negative():
+    time, voltage, current, warm = cell()
+    return table(time, voltage - 0.15 * np.abs(current), current, warm, head=HEAD)
+
+
+@kind("a cell's discharges only", BATTERY, AH, capacity)
+def battery_discharges():
+    time, voltage, current, warm = cell()
+    kept = current <= 0
+    return table(*(each[kept] for each in (time, voltage, current, warm)), head=HEAD)
+
+
+@kind("a cell's current with an offset of 30 mA", BATTERY, AH, capacity)
+def battery_offset():
+    time, voltage, current, warm = cell()
+    return table(time, voltage, current + 0.03, warm, head=HEAD)
+
+
+@kind("a cell's current 30 % too large", BATTERY, AH, capacity)
+def battery_gain():
+    time, voltage, current, warm = cell()
+    return table(time, voltage, 1.3 * current, warm, head=HEAD)
+
+
+@kind("a cell's voltage of 1e300 in one row", BATTERY, AH, capacity)
+def battery_huge():
+    time, voltage, current, warm = cell()
+    return table(time, np.where(time == 3000, 1e300, voltage), current, warm, head=HEAD)
+
+
+@kind("a cell's current of 1e-200 A", BATTERY, AH, capacity)
+def battery_tiny():
+    time, voltage, current, warm = cell()
+    return table(time, voltage, 1e-200 * current, warm, head=HEAD)
+
+
+@kind("a cell's voltage that never moves", BATTERY, AH, capacity)
+def battery_still():
+    time, _, current, warm = cell()
+    return table(time, np.full(time.size, 3.7), current, warm, head=HEAD)
+
+
+@kind("a cell's current that is zero throughout", BATTERY, AH, capacity)
+def battery_idle():
+    time, voltage, current, warm = cell()
+    return table(time, voltage, 0.0 * current, warm, head=HEAD)
+
+
+@kind("a cell's log with decimal commas, and a line of units", BATTERY, AH, capacity)
+def battery_commas():
+    return battery_even().replace(",", ";").replace(".", ",").replace("T\n", "T\ns;V;A;\n", 1)
+
+
 def page() -> str:
     """Return the page: a row for each kind, with what the command says."""
     lines = [
@@ -653,7 +810,9 @@ def page() -> str:
     with tempfile.TemporaryDirectory() as folder:
         for ugly in KINDS.values():
             found = said(ugly, Path(folder))
-            options = " ".join(each for each in ugly.command if each != "FILE")
+            options = " ".join(
+                "MAPPING" if each.startswith("schema:") else each for each in ugly.command if each != "FILE"
+            )
             sentence = found.sentence.replace("|", "\\|") or "nothing"
             lines.append(f"| {ugly.title} | `{options}` | {found.outcome} | {sentence} |")
     return "\n".join(lines) + "\n"

@@ -23,6 +23,18 @@ from hil.model.errors import Refused
 
 __all__ = ["Reading", "Table", "read"]
 
+
+def _are_units(cells: Sequence[str]) -> bool:
+    return all(cell.strip("[]()").casefold() in _UNITS for cell in cells)
+
+
+_UNITS = frozenset(
+    {
+        *("", "s", "ms", "us", "h", "min", "d", "v", "mv", "a", "ma", "ua", "ah", "mah", "wh", "mwh", "w", "mw"),
+        *("degc", "°c", "c", "k", "ohm", "mohm", "%", "-", "#"),
+    }
+)
+"""What may stand below the columns' names."""
 _CLOCK = re.compile(r"\d:\d\d")
 _AS_TIMES = "write times as seconds, hh:mm:ss.sss, or 2026-01-31T23:59:59.9"
 _SAMPLE = 400  # lines from which the layout is recognised

@@ -18,6 +18,7 @@ __all__ = ["judge_singles", "judge_states"]
 _COULOMBIC = (0.95, 1.02)  # of one cycle; wider than that of the median
 _OWN = 0.01  # share by which trapezoid and the instrument's own energy may differ
 _SMALL = 0.1  # of the largest half-cycle's energy: below it one interval at an edge is too large a share
+_LEAST = 1e-6  # A: no cell is tested with less
 _MOST = 100.0  # A: no cell of a small satellite takes so much
 _STEEP = 10.0  # times the usual change from sample to sample of its step by which a single row may stand out
 _SHARE = 0.1  # of the step's current by which it may
@@ -52,13 +53,15 @@ def _rows(data: Series, steps: Sequence[Step], made: Sequence[Cycle], capacity: 
     yield _warmth(data, made)
     yield _stray_rows(data, steps, made)
     usual = _usual(data)
+    flows = "charge and discharge are told from rest" if made else "the current never rises above rest"
+    advice = "" if made else ": check its column, its unit and --rest-current"
+    yield _gate("flow", bool(made), flows + advice)
     if capacity is not None:
         yield _gate("current_unit", None, "judged by capacity_ratio")
         return
-    advice = (
-        "" if usual <= _MOST else ": currents are taken as A; give --current-unit mA if they are in mA, else --capacity"
-    )
-    yield _gate("current_unit", usual <= _MOST, f"{usual:.3g} A, expected at most {_MOST:g} A{advice}")
+    ok = _LEAST <= usual <= _MOST
+    advice = "" if ok else ": currents are taken as A; give --current-unit mA if they are in mA, else --capacity"
+    yield _gate("current_unit", ok, f"{usual:.3g} A, expected {_LEAST:g} to {_MOST:g} A{advice}")
 
 
 def judge_states(rows: NDArray[np.int64] | None) -> Gate:
