@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from hil.analysis import (
+    Slow,
     as_c_header,
     as_json,
     assess,
@@ -17,6 +18,8 @@ from hil.analysis import (
     reading,
     reproduction,
     rest_mean,
+    rippling,
+    widened,
 )
 from hil.plan import Curve, Refused
 
@@ -36,7 +39,14 @@ class Board:
     def __init__(self, chamber, rotation, rate_sensor, doubts_of, record, step, parameters):
         self._chamber, self._rotation, self._sensor = chamber, rotation, rate_sensor
         self._doubts_of, self._record, self._step, self._parameters = doubts_of, record, step, parameters
+        _, self._begun = rotation.mark()
+        self._mounted = ""
         self.doubts = []
+
+    def mount(self, axis):
+        """Mount the board with an axis along that of the table."""
+        self._rotation.mount(axis)
+        self._mounted = axis
 
     def settle(self, target):
         """Bring the board to a temperature [degC] and wait until it has settled there."""
@@ -49,7 +59,7 @@ class Board:
         with self._step("Record at rest"):
             self._rotation.stop()
             recording = self._recorded("static", self._parameters.static_duration)
-        return self._read(recording, unseen(self._parameters))
+        return self._read(recording)
 
     def turn(self, axis, rate):
         """Record the board turning at a rate [deg/s]; return its reading, and the true rate of the table's encoder."""
@@ -59,46 +69,46 @@ class Board:
             recording = self._recorded("turning", self._parameters.turning_duration)
             true = self._rotation.true_rate(before)
             self._rotation.stop()
-        return self._read(recording, earth(self._parameters), {axis: true}), true
+        return self._read(recording, {axis: true}), true
 
     def _recorded(self, name, duration):
         return self._record(name, self._sensor, duration=duration, rate=self._parameters.rate)
 
-    def _read(self, recording, systematic, rates=None):
+    def _read(self, recording, rates=None):
+        """Return the means of a recording, with the temperature that the sensor itself told."""
         self._chamber.must_have_held(self._own)
         self.doubts += self._doubts_of(recording)
-        return reading_of(recording, systematic, rates)
+        _, now = self._rotation.mark()
+        rate, at = assess(recording.time).rate, (now - self._begun).value
+        turning = sum(each.value for each in (rates or {}).values())
+        samples = {axis: recording[axis] for axis in AXES}
+        if turning:
+            samples = {axis: each - rippling(each, rate, turning) for axis, each in samples.items()}
+        means = {axis: rest_mean(samples[axis], rate, recording.unit(axis)) for axis in AXES}
+        return reading(recording["temperature"].mean(), means, rates, at=at, mounting=self._mounted)
 
     def _own(self):
         return self._sensor.temperature().value
 
 
-def earth(parameters):
-    """Return the standard uncertainty [deg/s] of the Earth's rate about an axis: nobody measures its direction."""
-    return parameters.earth_rate / math.sqrt(3.0)
+def slow_of(parameters):
+    """Return what no record of a minute shows: the Earth's rate, of unknown direction, and a bias that wanders."""
+    return Slow(
+        earth=parameters.earth_rate / math.sqrt(3.0),
+        flicker=parameters.bias_instability,
+        random_walk=parameters.bias_random_walk,
+    )
 
 
-def unseen(parameters):
-    """Return the standard uncertainty [deg/s] of a bias that no record of a minute shows, shared by all its samples.
+def error_of(found, axis, measured, true, parameters):
+    """Return by how much the calibrated rate is off [deg/s], when the sensor has just been started.
 
-    It is the Earth's rate, and that a bias comes back to its value only so well after hours. How much of both differs
-    from one recording to the next, and how much is common to all, is not known: it counts as a whole for each recording
-    at rest, and once more for all of them together.
+    The calibration is what is judged, so its own uncertainty is not part of the error's. That of the reading is, with
+    the Earth's rate, and with how far the bias has wandered since the start; and that of the table's rate.
     """
-    return math.hypot(earth(parameters), parameters.repeatability)
-
-
-def reading_of(recording, systematic, rates=None):
-    """Return the means of a recording, with the temperature that the sensor itself told.
-
-    Args:
-        recording: what was recorded.
-        systematic: standard uncertainty that all its samples share [deg/s].
-        rates: true rate by axis [deg/s], where the table turned.
-    """
-    rate = assess(recording.time).rate
-    means = {axis: rest_mean(recording[axis], rate, recording.unit(axis), systematic=systematic) for axis in AXES}
-    return reading(recording["temperature"].mean(), means, rates)
+    unseen = slow_of(parameters).uncertainty(measured.at)
+    means = {name: widened(mean, absolute=unseen) for name, mean in measured.means.items()}
+    return found.as_it_is().figures(means, measured.temperature)[axis] - true
 
 
 def draw_bias(report, chart):
@@ -133,7 +143,7 @@ def conclude(readings, verification, spread, doubts, check, chart, step, artifac
         readings,
         reference=REFERENCE,
         rate_uncertainty=spread,
-        bias_uncertainty=unseen(parameters),
+        slow=slow_of(parameters),
         mounting_uncertainty=parameters.mounting,
         margin=MARGIN,
     )
@@ -153,7 +163,7 @@ def conclude(readings, verification, spread, doubts, check, chart, step, artifac
     for axis, measured, true in verification:
         told = f"axis {axis}, {true.value:.1f} deg/s, {measured.temperature:.1f} degC"
         with step(f"Verify {told}"):
-            error = found.figures(measured.means, measured.temperature)[axis] - true
+            error = error_of(found, axis, measured, true, parameters)
             check("ADCS-GYR-030", "rate_error", error, of=axis, doubts=doubts, at=told, headline="Error of the rate")
 
 
@@ -177,7 +187,7 @@ def test_calibration(chamber, rotation, rate_sensor, doubts_of, record, check, c
     readings, verification, spreads = [], [], []
     for axis in "zyx":
         with step(f"Turn about the {axis} axis"):
-            rotation.mount(axis)
+            board.mount(axis)
             for target in parameters.temperatures if axis == "z" else parameters.other_temperatures:
                 board.settle(target)
                 readings.append(board.rest())

@@ -1,12 +1,14 @@
 """The gyroscope's calibration against the truth of the bench file, by the plan's case and the bytes of its instruments.
 
-Twenty gyroscopes, drawn by seed, are calibrated twice: on a bench that disturbs nothing but by white noise, where the
-stated uncertainties have to be exact, and on the bench as its file says it is, where they have to be enough.
+Twenty-five gyroscopes, drawn by seed, are calibrated twice: on a bench that disturbs nothing but by white noise, and on
+the bench as its file says it is, where the seed also draws what nobody measures from what the plan states of it.
+`pytest -s -k pulls` prints how far off every figure is, in its own standard uncertainties.
 """
 
 from __future__ import annotations
 
 import math
+import sys
 
 import numpy as np
 import pytest
@@ -17,7 +19,7 @@ from workspaces import ROOT
 from hil.plugin.plans.markers import MARKERS
 from hil.requirements.catalogue import load_catalogue
 
-SEEDS = range(20)
+SEEDS = range(25)
 TEMPERATURES = (-16.0, 10.0, 40.0)
 MARGIN = 2.0
 """How far [K] the exported range goes beyond what was measured."""
@@ -101,62 +103,119 @@ def degrees(campaigns, *, curved):
     ]
 
 
-def remaining(one):
-    """Return the largest rate error that is left over all temperatures, about each axis and between them [deg/s]."""
-    ways = [*np.eye(3), np.ones(3) / math.sqrt(3), np.array([1.0, -1.0, 1.0]) / math.sqrt(3)]
+def remaining(one, ways):
+    """Return the largest rate error that is left over all temperatures [deg/s]: of the axes along each way."""
     worst = 0.0
     for told in UNSEEN:
-        for rates in [rate * way for way in ways for rate in (-27.2, -9.0, 0.0, 17.0, 27.2)]:
-            corrected = one.found.correct(one.truth.reading(rates, told), told)
-            worst = max(worst, *(abs(float(corrected[axis]) - rates[place]) for place, axis in enumerate(AXES)))
+        for way in ways:
+            seen = way != 0.0
+            for rates in [rate * way for rate in (-27.2, -9.0, 0.0, 17.0, 27.2)]:
+                corrected = one.found.correct(one.truth.reading(rates, told), told)
+                errors = np.array([float(corrected[axis]) for axis in AXES]) - rates
+                worst = max(worst, float(np.abs(errors[seen]).max()))
     return worst
 
 
 def test_stated_uncertainties_are_exact_where_only_white_noise_disturbs(undisturbed):
-    """300 intervals of biases and elements of the alignment hold the truth as often as 95 % says, not more either."""
+    """375 intervals of biases and elements of the alignment hold the truth as often as 95 % says, not more either."""
     of_bias, of_alignment = pooled(biases, undisturbed), pooled(alignments, undisturbed)
     hits, trials = np.sum([of_bias, of_alignment], axis=0)
-    assert trials == 300
+    assert trials == 375
     assert abs(hits - 0.95 * trials) <= deviations(trials), (of_bias, of_alignment)
 
 
 def test_the_scale_is_found_within_its_uncertainty_where_only_white_noise_disturbs(undisturbed):
-    """120 intervals, too wide by design.
-
-    They hold what the twin does not have: an error of the bench's clock, and an encoder that may answer at any instant
-    between question and reply.
-    """
+    """150 intervals, too wide here: the clock of this bench is right, and the stated uncertainty holds its error."""
     hits, trials = pooled(scales, undisturbed)
-    assert trials == 120
+    assert trials == 150
     assert hits >= 0.95 * trials - deviations(trials)
 
 
-def test_the_calibration_agrees_with_the_truth_of_the_bench(disturbed):
-    """420 intervals, pooled over axes, parameters and seeds, hold the truth at least as often as they claim.
+PULLS = {
+    "bias": 225,
+    "bias per kelvin": 75,
+    "bias per square kelvin": 39,
+    "scale": 225,
+    "scale per kelvin": 75,
+    "alignment": 150,
+    "rate error": 250,
+}
+"""What a calibration states, and how many there are over all seeds."""
 
-    They are too wide by design: flicker, random walk, the Earth's rate and the mounting are bounds that the plan's
-    parameters state, and what recordings share counts for each of them and for all together.
+
+def pulls(one):
+    """Yield what a figure is, and how far it is from the truth in its own standard uncertainties."""
+    offset = one.truth.temperature_offset
+    for axis in AXES:
+        bias, scale, true = one.found.axes[axis].bias, one.found.axes[axis].scale, one.truth.bias[axis]
+        for told in (scale.low + MARGIN, 25.0, scale.high - MARGIN):
+            found, gain = bias.figure(told), scale.figure(told)
+            yield "bias", (found.value - one.truth.bias_at(axis, told)) / found.uncertainty
+            yield "scale", (gain.value - 1.0 / one.truth.gain_at(axis, told)) / gain.uncertainty
+        slope = true[1] - 2.0 * true[2] * offset
+        yield "bias per kelvin", (bias.coefficients[1] - slope) / math.sqrt(bias.covariance[1][1])
+        if true[2]:
+            yield "bias per square kelvin", (bias.coefficients[2] - true[2]) / math.sqrt(bias.covariance[2][2])
+        ends = np.array([scale.low + MARGIN, scale.high - MARGIN])
+        low, high = (1.0 / one.truth.gain_at(axis, told) for told in ends)
+        slope = (high - low) / float(np.diff(ends)[0])
+        yield "scale per kelvin", (scale.coefficients[1] - slope) / math.sqrt(scale.covariance[1][1])
+    error = np.array(one.found.alignment) - np.linalg.inv(one.truth.mixing)
+    for pull in (error / np.array(one.found.alignment_uncertainty))[~np.eye(3, dtype=bool)]:
+        yield "alignment", pull
+    for stated in one.errors:
+        true = one.truth.remaining(one.found, stated.axis, stated.rate, stated.told)
+        yield "rate error", (stated.figure.value - true) / stated.figure.uncertainty
+
+
+def test_the_pulls_of_every_figure_are_as_wide_as_one(disturbed):
+    """Over 25 seeds: standard deviation of (value - truth) / standard uncertainty between 0.8 and 1.2, mean near 0."""
+    found = {name: [] for name in PULLS}
+    for one in disturbed:
+        for name, pull in pulls(one):
+            found[name].append(pull)
+    sys.stdout.write(f"\n{'figure':24}{'pulls':>6}{'mean':>8}{'deviation':>11}{'largest':>9}\n")
+    for name, each in found.items():
+        told = f"{len(each):6d}{np.mean(each):8.2f}{np.std(each):11.2f}{np.max(np.abs(each)):9.2f}"
+        sys.stdout.write(f"{name:24}{told}\n")
+    assert {name: len(each) for name, each in found.items()} == PULLS
+    wrong = {name: float(np.std(each)) for name, each in found.items() if not 0.8 <= np.std(each) <= 1.2}
+    assert not wrong
+    assert max(abs(np.mean(each)) for each in found.values()) < 0.5
+
+
+def test_the_calibration_agrees_with_the_truth_of_the_bench(disturbed):
+    """525 intervals over axes, parameters and seeds hold the truth as often as 95 % says, within what seeds explain.
+
+    The intervals of one campaign share what wanders and how the board is mounted: they count as a third.
     """
-    found = [pooled(kind, disturbed) for kind in (biases, scales, alignments)]
-    assert sum(trials for _, trials in found) == 420
-    for hits, trials in found:
-        assert hits >= 0.95 * trials - deviations(trials), found
+    found = np.sum([pooled(kind, disturbed) for kind in (biases, scales, alignments)], axis=0)
+    hits, trials = found
+    assert trials == 525
+    assert abs(hits - 0.95 * trials) <= math.sqrt(3.0) * deviations(trials)
 
 
 def test_the_remaining_rate_error_is_within_the_requirement(undisturbed, disturbed):
-    """Between the temperatures, at rates unseen, about every axis: below the limit of ADCS-GYR-030, for every seed."""
+    """Between the temperatures, at rates unseen: below the limit of ADCS-GYR-030, for every seed.
+
+    On the quiet bench about every axis and between them; on the bench as it is, about each axis. What an axis sees of a
+    rate across it is what the mounting leaves, 2 mrad of it, and that is judged with the alignment.
+    """
     limit = load_catalogue(ROOT, [PLAN]).limit("ADCS-GYR-030", "rate_error")
-    largest = [remaining(one) for one in (*undisturbed, *disturbed)]
-    assert max(largest) < float(limit.maximum)
-    assert max(largest[: len(undisturbed)]) < 0.01
+    between = [*np.eye(3), np.ones(3) / math.sqrt(3), np.array([1.0, -1.0, 1.0]) / math.sqrt(3)]
+    assert max(remaining(one, between) for one in undisturbed) < 0.01
+    assert max(remaining(one, np.eye(3)) for one in disturbed) < float(limit.maximum)
 
 
 def test_the_case_verifies_what_is_true(disturbed):
-    """The rate errors that the case states are within their own uncertainty, and within the requirement."""
-    errors = [figure for one in disturbed for figure in one.errors]
-    assert len(errors) == len(SEEDS) * 10
-    hits = sum(is_inside(figure, 0.0) for figure in errors)
-    assert hits >= 0.95 * len(errors) - deviations(len(errors))
+    """The rate errors that the case states are what its calibration is really off, within their uncertainty."""
+    inside = [
+        is_inside(stated.figure, one.truth.remaining(one.found, stated.axis, stated.rate, stated.told))
+        for one in disturbed
+        for stated in one.errors
+    ]
+    assert len(inside) == len(SEEDS) * 10
+    assert sum(inside) >= 0.95 * len(inside) - deviations(len(inside))
 
 
 def test_a_bias_that_is_quadratic_in_temperature_is_found_to_be_so(undisturbed, disturbed):

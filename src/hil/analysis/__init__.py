@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from hil.analysis.gates import Facts
     from hil.analysis.gyroscope.calibrate import calibrate
     from hil.analysis.gyroscope.interchange import as_c_header, as_json, from_json
-    from hil.analysis.gyroscope.readings import Reading, reading
+    from hil.analysis.gyroscope.readings import Reading, Slow, reading, rippling
     from hil.analysis.gyroscope.self_check import export_disagreements, reproduction
     from hil.analysis.magnetics import direction, odd_response
     from hil.analysis.quality import tripped
@@ -51,6 +51,7 @@ __all__ = [
     "Limits",
     "MovingAverage",
     "Reading",
+    "Slow",
     "StepKind",
     "Welch",
     "agreement",
@@ -86,6 +87,7 @@ __all__ = [
     "reproduction",
     "resistance",
     "rest_mean",
+    "rippling",
     "rise_time",
     "series",
     "share_known",
@@ -113,7 +115,7 @@ _MODULES = {
     "gates": ("Facts",),
     "gyroscope.calibrate": ("calibrate",),
     "gyroscope.interchange": ("as_c_header", "as_json", "from_json"),
-    "gyroscope.readings": ("Reading", "reading"),
+    "gyroscope.readings": ("Reading", "Slow", "reading", "rippling"),
     "gyroscope.self_check": ("export_disagreements", "reproduction"),
     "magnetics": ("direction", "odd_response"),
     "quality": ("tripped",),

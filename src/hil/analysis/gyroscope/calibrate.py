@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from hil.analysis.gyroscope.calibration import ALIGNED, CalibratedRate, Calibration, Matrix, Polynomial
 from hil.analysis.gyroscope.fitting import Fit, fit
-from hil.analysis.gyroscope.readings import Reading, Response, responses
+from hil.analysis.gyroscope.readings import Reading, Response, Slow, responses
 from hil.analysis.tracing import traced
 from hil.model.errors import Refused
 from hil.model.figure import Figure, effective_dof
@@ -48,6 +48,7 @@ def calibrate(
     reference: float = 25.0,
     rate_uncertainty: float = 0.0,
     bias_uncertainty: float = 0.0,
+    slow: Slow | None = None,
     mounting_uncertainty: float = 0.0,
     margin: float = 0.0,
 ) -> CalibrationReport:
@@ -58,15 +59,18 @@ def calibrate(
     E, which has ones on its diagonal and else the mean over temperatures of scale(T) times gain, with a row for each
     sensor axis and a column for each table axis; it needs all three table axes.
 
-    What all readings share they do not show by their scatter, so it is added to what the fits state: to the constant of
-    the bias, to the scale as a whole, and to every element of E that is not on its diagonal.
+    What readings share they do not show by their scatter. What some of them share (the Earth's rate within a mounting,
+    a bias that wanders) is part of the covariance with which the bias is fitted (`readings.Slow`); what all of
+    them share is added to what the fits state: to the constant of the bias, to the scale as a whole, and to every
+    element of E that is not on its diagonal. The bias is that at which the sensor starts (`Reading.at` 0), or has as
+    long after the readings.
 
     Args:
         readings: at rest at two temperatures or more; turning, at two temperatures or more for each axis that turns.
         reference: temperature about which the powers are taken, in degC.
         rate_uncertainty: relative standard uncertainty of the table's rates, shared by all of them.
-        bias_uncertainty: standard uncertainty that all readings at rest share, in their unit: a rate that they all see,
-            and how far a bias wanders in the time between them and its use.
+        bias_uncertainty: standard uncertainty that all readings at rest share, in their unit.
+        slow: what the readings do not show by their scatter and have in common, in part.
         mounting_uncertainty: standard uncertainty of the angle between a sensor's axis, as it is mounted, and the
             table's axis, towards each of the other axes, in rad.
         margin: by how many kelvin the calibration may be used beyond the lowest and the highest temperature measured.
@@ -79,8 +83,9 @@ def calibrate(
     names = tuple(readings[0].means)
     unit = _unit(readings, names)
     resting = [reading for reading in readings if not reading.turning]
-    bias = {name: _bias(name, resting, reference, bias_uncertainty) for name in names}
-    found = responses(readings)
+    common = {name: (slow or Slow()).covariance(resting, name) for name in names}
+    bias = {name: _bias(name, resting, reference, common[name], bias_uncertainty) for name in names}
+    found = responses(readings, slow)
     scale = {name: _scale(name, found, reference, rate_uncertainty) for name in names}
     scaled = {name: each for name, each in scale.items() if each is not None}
     alignment, uncertainty, dof = _alignment(names, found, scaled, mounting_uncertainty)
@@ -113,15 +118,22 @@ def _unit(readings: Sequence[Reading], names: tuple[str, ...]) -> str:
     return units.pop()
 
 
-def _fitted(what: str, name: str, points: Sequence[Reading | Response], values: list[Figure], reference: float) -> Fit:
+def _fitted(
+    what: str,
+    name: str,
+    points: Sequence[Reading | Response],
+    values: list[Figure],
+    reference: float,
+    common: _Array | None = None,
+) -> Fit:
     try:
-        return fit([point.temperature for point in points], values, reference=reference)
+        return fit([point.temperature for point in points], values, reference=reference, shared=common)
     except Refused as error:
         raise Refused(f"{what} of axis {name}: {error.message}", error.hint) from None
 
 
-def _bias(name: str, resting: Sequence[Reading], reference: float, shared: float) -> Fit:
-    fitted = _fitted("bias", name, resting, [reading.means[name] for reading in resting], reference)
+def _bias(name: str, resting: Sequence[Reading], reference: float, common: _Array, shared: float) -> Fit:
+    fitted = _fitted("bias", name, resting, [reading.means[name] for reading in resting], reference, common)
     return _with_shared(fitted, (shared, *(0.0,) * (len(fitted.polynomial.coefficients) - 1)))
 
 

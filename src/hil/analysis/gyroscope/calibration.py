@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -185,6 +185,14 @@ class Calibration:
         return min(part.high for axis in self.axes.values() for part in (axis.bias, axis.scale))
 
     @traced
+    def as_it_is(self) -> Calibration:
+        """Return the same equations without uncertainty: to find by how much they are wrong."""
+        axes = {
+            name: CalibratedRate(bias=_exact(axis.bias), scale=_exact(axis.scale)) for name, axis in self.axes.items()
+        }
+        return replace(self, axes=axes, alignment_uncertainty=None, alignment_dof=math.inf)
+
+    @traced
     def correct(self, measured: Mapping[str, ArrayLike], temperature: ArrayLike) -> dict[str, _Array]:
         """Return rates by axis for readings by axis, at temperatures in degC.
 
@@ -223,6 +231,11 @@ class Calibration:
             for row, errors in zip(self.alignment, spread, strict=True)
         )
         return dict(zip(self.axes, rows, strict=True))
+
+
+def _exact(polynomial: Polynomial) -> Polynomial:
+    none = (0.0,) * len(polynomial.coefficients)
+    return replace(polynomial, covariance=(none,) * len(none), dof=math.inf)
 
 
 def _combined(row: tuple[float, ...], errors: tuple[float, ...], dof: float, scaled: list[Figure]) -> Figure:

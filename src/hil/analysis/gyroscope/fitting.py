@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from hil.analysis.gyroscope.calibration import Polynomial
 from hil.model.errors import Refused
@@ -69,20 +69,28 @@ class Fit:
     remark: str
 
 
-def fit(temperatures: Sequence[float], values: Sequence[Figure], *, reference: float = 25.0) -> Fit:
+def fit(
+    temperatures: Sequence[float],
+    values: Sequence[Figure],
+    *,
+    reference: float = 25.0,
+    shared: ArrayLike | None = None,
+    degree: int | None = None,
+) -> Fit:
     """Fit a polynomial of degree 1, 2 or 3 to values at temperatures.
 
-    Weighted least squares, weights 1 / u^2. A degree is offered where the points and their different temperatures
-    outnumber its coefficients, and the first degree always. Chosen is the lower of the two that leave-one-out
-    cross-validation and AICc = chi^2 + 2 k + 2 k (k + 1) / (n - k - 1) prefer (with unknown uncertainties
-    n ln(chi^2 / n) and one parameter more), k coefficients; raised to the lowest degree whose chi-square is not
-    rejected at 0.001, if there is one. What was chosen is taken as given in the uncertainties.
+    Generalised least squares with the covariance C = diag(u_i^2) + S of the points. A degree is offered where the
+    points and their different temperatures outnumber its coefficients, and the first degree always. Chosen is the lower
+    of the two that leave-one-out cross-validation and AICc = chi^2 + 2 k + 2 k (k + 1) / (n - k - 1) prefer (with
+    unknown uncertainties n ln(chi^2 / n) and one parameter more), k coefficients; raised to the lowest degree whose
+    chi-square is not rejected at 0.001, if there is one. Residuals and leverages are those of the points as
+    C^(-1/2) makes them independent. What was chosen is taken as given in the uncertainties.
 
-    The covariance is that of the stated uncertainties, widened because weights that are estimates themselves let the
-    points with too small a u count too much: Kenward and Roger, Biometrics 53 (1997) 983, section 2, for independent
-    points: Phi + 4 Phi [sum_i (1 - h_i) / (dof_i u_i^2) x_i x_i'] Phi, with Phi = (sum_i x_i x_i' / u_i^2)^-1 and the
-    leverage h_i; for a mean it is that of Meier, Biometrics 9 (1953) 59. The degrees of freedom are the least of those
-    of the coefficients (Welch and Satterthwaite). Where the misfit has a probability below 0.01, and where an
+    The covariance is Phi = (X' C^-1 X)^-1, widened because the u_i are estimates themselves, and points with too small
+    a u count too much: Kenward and Roger, Biometrics 53 (1997) 983, section 2, with w_i = X' C^-1 e_i:
+    Phi + 4 Phi [sum_i u_i^4 / dof_i ((C^-1)_ii - w_i' Phi w_i) w_i w_i'] Phi; for a mean of independent points it is
+    that of Meier, Biometrics 9 (1953) 59. The degrees of freedom are the least of those of the coefficients (Welch and
+    Satterthwaite), in which S counts as exactly known. Where the misfit has a probability below 0.01, and where an
     uncertainty is unknown, the covariance is scaled by chi^2 / (n - k) and has n - k degrees of freedom; with none left
     it is unknown.
 
@@ -90,9 +98,12 @@ def fit(temperatures: Sequence[float], values: Sequence[Figure], *, reference: f
         temperatures: in degC, shape (n,), at least two different ones.
         values: at these temperatures, of one unit.
         reference: temperature about which the powers are taken, in degC.
+        shared: S, the covariance of what points have in common, shape (n, n), in the square of the values' unit; its
+            diagonal counts as well. Not used where an uncertainty is unknown.
+        degree: the degree to use, None to choose.
 
     Raises:
-        Refused: fewer than two temperatures, or numbers that are not finite.
+        Refused: fewer than two temperatures, numbers that are not finite, or a degree that the points do not allow.
     """
     where = np.asarray(temperatures, dtype=np.float64)
     data = np.array([figure.value for figure in values])
@@ -101,27 +112,58 @@ def fit(temperatures: Sequence[float], values: Sequence[Figure], *, reference: f
         raise Refused(f"{distinct} temperature does not tell a dependence", "measure at two temperatures or more")
     if not (np.isfinite(where).all() and np.isfinite(data).all()):
         raise Refused("a temperature or a mean is not a finite number", "check the record that it came from")
-    spread = np.array([math.nan if figure.uncertainty is None else figure.uncertainty for figure in values])
-    known = bool((spread > 0.0).all())
-    weight = 1.0 / spread if known else np.ones(where.size)
+    points = _Points(where=where, offset=where - reference, values=tuple(values), shared=shared)
     highest = max(1, min(MOST_DEGREE, distinct - 2))
-    candidates = tuple(
-        _candidate(where - reference, values, weight, degree, known=known) for degree in range(1, highest + 1)
-    )
-    return _chosen(where, values, weight, candidates, reference=reference, known=known)
+    if degree is not None:
+        highest = min(MOST_DEGREE, distinct - 1)
+        if not 0 <= degree <= highest:
+            told = f"degree {degree} is not between 0 and {highest}"
+            raise Refused(
+                f"{told} for {distinct} temperatures", "choose a lower degree, or measure at more temperatures"
+            )
+    candidates = tuple(_candidate(points, each) for each in range(1, max(highest, degree or 0) + 1))
+    if degree is not None:
+        best = _candidate(points, degree)
+        return _chosen(points, best, candidates if degree else (best, *candidates), reference=reference)
+    return _chosen(points, _preferred(candidates), candidates, reference=reference)
 
 
-def _design(offset: _Array, degree: int) -> _Array:
-    return np.vander(offset, degree + 1, increasing=True)
+class _Points:
+    """The points of a fit, and what makes them independent and of variance one.
+
+    Attributes:
+        where: temperatures in degC.
+        offset: these above the reference, in K.
+        values: what was measured.
+        known: whether every uncertainty is known.
+        spread: standard uncertainties of their own, 1 each if they are not known.
+        whiten: C^(-1/2), shape (n, n).
+    """
+
+    def __init__(self, *, where: _Array, offset: _Array, values: tuple[Figure, ...], shared: ArrayLike | None) -> None:
+        self.where, self.offset, self.values = where, offset, values
+        self.data = np.array([figure.value for figure in values])
+        spread = np.array([math.nan if figure.uncertainty is None else figure.uncertainty for figure in values])
+        self.known = bool((spread > 0.0).all())
+        self.spread = spread if self.known else np.ones(where.size)
+        covariance = np.diag(np.square(self.spread))
+        if self.known and shared is not None:
+            covariance = covariance + np.asarray(shared, dtype=np.float64)
+        self.whiten = np.linalg.inv(np.linalg.cholesky(covariance))
+
+    def design(self, degree: int) -> _Array:
+        """Return powers of the offsets, shape (n, degree + 1)."""
+        return np.vander(self.offset, degree + 1, increasing=True)
 
 
-def _candidate(offset: _Array, values: Sequence[Figure], weight: _Array, degree: int, *, known: bool) -> Candidate:
+def _candidate(points: _Points, degree: int) -> Candidate:
     from scipy.special import gammaincc  # noqa: PLC0415 - scipy is slow to import
 
-    design = _design(offset, degree) * weight[:, None]
+    known = points.known
+    design = points.whiten @ points.design(degree)
     estimator = np.linalg.pinv(design)
-    scaled = np.array([figure.value for figure in values]) * weight
-    residual = (scaled - design @ (estimator @ scaled)) * (_fair(values) if known else 1.0)
+    scaled = points.whiten @ points.data
+    residual = (scaled - design @ (estimator @ scaled)) * (_fair(points.values) if known else 1.0)
     leverage = np.einsum("ij,ji->i", design, estimator)
     chi_square = float(np.square(residual).sum())
     left = scaled.size - degree - 1
@@ -165,48 +207,50 @@ def _preferred(candidates: tuple[Candidate, ...]) -> Candidate:
     return best
 
 
-def _chosen(
-    where: _Array, values: Sequence[Figure], weight: _Array, candidates: tuple[Candidate, ...],
-    *, reference: float, known: bool,
-) -> Fit:  # fmt: skip
-    best = _preferred(candidates)
-    data = np.array([figure.value for figure in values])
-    plain = _design(where - reference, best.degree)
-    estimator = np.linalg.pinv(plain * weight[:, None]) * weight
-    coefficients = estimator @ data
-    left = data.size - best.degree - 1
+def _chosen(points: _Points, best: Candidate, candidates: tuple[Candidate, ...], *, reference: float) -> Fit:
+    plain = points.design(best.degree)
+    estimator = np.linalg.pinv(points.whiten @ plain) @ points.whiten
+    coefficients = estimator @ points.data
+    left = points.data.size - best.degree - 1
     consistent = not best.tail < _UNLIKELY
-    covariance, dof = _covariance(plain, estimator, weight, values)
-    if not (known and consistent):
+    covariance, dof = _covariance(points, plain, estimator)
+    if not (points.known and consistent):
         scale = best.chi_square / left if left else math.nan
         covariance, dof = covariance * scale, float(max(left, 1))
     polynomial = Polynomial(
         coefficients=tuple(coefficients.tolist()),
-        unit=values[0].unit,
+        unit=points.values[0].unit,
         reference=reference,
-        low=float(where.min()),
-        high=float(where.max()),
+        low=float(points.where.min()),
+        high=float(points.where.max()),
         covariance=tuple(map(tuple, covariance.tolist())) if np.isfinite(covariance).all() else None,
         dof=dof,
     )
     return Fit(
         polynomial=polynomial,
-        temperature=where,
-        value=data,
-        residual=data - plain @ coefficients,
+        temperature=points.where,
+        value=points.data,
+        residual=points.data - plain @ coefficients,
         candidates=candidates,
         consistent=consistent,
         remark=_remark(best, left, consistent=consistent),
     )
 
 
-def _covariance(plain: _Array, estimator: _Array, weight: _Array, values: Sequence[Figure]) -> tuple[_Array, float]:
-    shares = estimator / weight
-    leverage = np.einsum("ij,ji->i", plain, estimator)
-    dofs = np.array([figure.dof for figure in values])
-    widened = shares * np.sqrt(1.0 + 4.0 * np.clip(1.0 - leverage, 0.0, 1.0) / dofs)
-    covariance = np.asarray(widened @ widened.T, dtype=np.float64)
-    return covariance, min(effective_dof(zip(np.square(row).tolist(), dofs.tolist(), strict=True)) for row in shares)
+def _covariance(points: _Points, plain: _Array, estimator: _Array) -> tuple[_Array, float]:
+    inverse = points.whiten.T @ points.whiten
+    weights = inverse @ plain
+    phi = np.linalg.pinv(plain.T @ weights)
+    left = np.diag(inverse) - np.einsum("ij,jk,ik->i", weights, phi, weights)
+    dofs = np.array([figure.dof for figure in points.values])
+    lost = weights * np.sqrt(np.clip(left, 0.0, None) / dofs)[:, None] * np.square(points.spread)[:, None]
+    covariance = phi + 4.0 * phi @ (lost.T @ lost) @ phi
+    freedom = []
+    for place, row in enumerate(estimator):
+        own = np.square(row * points.spread)
+        rest = max(0.0, float(phi[place, place]) - float(own.sum()))
+        freedom.append(effective_dof([*zip(own.tolist(), dofs.tolist(), strict=True), (rest, math.inf)]))
+    return np.asarray(covariance, dtype=np.float64), min(freedom)
 
 
 def _remark(best: Candidate, left: int, *, consistent: bool) -> str:

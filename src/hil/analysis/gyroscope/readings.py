@@ -8,16 +8,18 @@ from dataclasses import dataclass, field
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from hil.analysis.tracing import traced
 from hil.model.errors import Refused
 from hil.model.figure import Figure, effective_dof
 
-__all__ = ["Reading", "Response", "reading", "responses"]
+__all__ = ["Reading", "Response", "Slow", "reading", "responses", "rippling"]
 
 _Array: TypeAlias = NDArray[np.float64]
 
+_FOR_GOOD = 86400.0  # s: what flickers slower counts as part of the bias
+_SHORTEST = 5.0  # s: e^-1.5 of 20 s, which is what averaging leaves; of a minute it makes the variance 10 % too large
 _TOGETHER = 2.0  # K: rates measured within this share one temperature
 
 
@@ -30,11 +32,15 @@ class Reading:
         means: mean by axis, all of one unit, each with the uncertainty of a mean (see
             `hil.analysis.allan.noise.rest_mean`).
         rates: true rate by axis, in the same unit; axes that are absent do not turn.
+        at: time in s since the sensor was started, over which its bias has wandered.
+        mounting: the axis along that of the table, which sees one rate of the Earth however the table stands.
     """
 
     temperature: float
     means: Mapping[str, Figure]
     rates: Mapping[str, float] = field(default_factory=dict)
+    at: float = 0.0
+    mounting: str = ""
 
     @property
     def turning(self) -> tuple[str, ...]:
@@ -43,17 +49,86 @@ class Reading:
 
 
 @traced
-def reading(temperature: float, means: Mapping[str, Figure], rates: Mapping[str, Figure] | None = None) -> Reading:
+def reading(
+    temperature: float,
+    means: Mapping[str, Figure],
+    rates: Mapping[str, Figure] | None = None,
+    *,
+    at: float = 0.0,
+    mounting: str = "",
+) -> Reading:
     """Return a reading of which the true rates were measured, too.
 
     Args:
         temperature: in degC.
         means: mean by axis.
         rates: true rate by axis, in the same unit; None at rest.
+        at: time in s since the sensor was started.
+        mounting: the axis along that of the table.
     """
-    return Reading(
-        temperature=temperature, means=means, rates={axis: rate.value for axis, rate in (rates or {}).items()}
-    )
+    true = {axis: rate.value for axis, rate in (rates or {}).items()}
+    return Reading(temperature=temperature, means=means, rates=true, at=float(at), mounting=mounting)
+
+
+@traced
+def rippling(samples: ArrayLike, rate: float, turning: float) -> _Array:
+    """Return what of samples comes and goes once per turn of the table, with the mean zero, shape (n,).
+
+    The table's own ripple is in its mean rate, as its encoder tells it: it is not noise of the mean. Without it the
+    samples keep their mean, and their scatter is the sensor's.
+
+    Args:
+        samples: shape (n,), in a rate's unit; NaN stands for one that is missing.
+        rate: samples per second.
+        turning: rate of the table in deg/s.
+    """
+    values = np.asarray(samples, dtype=np.float64)
+    angle = np.radians(turning) / rate * np.arange(values.size)
+    design = np.column_stack([np.ones(values.size), np.cos(angle), np.sin(angle)])
+    present = np.isfinite(values)
+    if present.sum() <= design.shape[1]:
+        return np.zeros(values.size)
+    found = np.linalg.lstsq(design[present], values[present], rcond=None)[0]
+    wave = design[:, 1:] @ found[1:]
+    return np.asarray(wave - wave[present].mean(), dtype=np.float64)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Slow:
+    """What is slower than a reading, so that its scatter does not show it.
+
+    Attributes:
+        earth: standard uncertainty of the Earth's rate about an axis, in the readings' unit.
+        flicker: B of the bias, in the readings' unit.
+        random_walk: K of the bias, in the readings' unit times sqrt(Hz).
+    """
+
+    earth: float = 0.0
+    flicker: float = 0.0
+    random_walk: float = 0.0
+
+    @traced
+    def uncertainty(self, at: float) -> float:
+        """Return the standard uncertainty that a reading has from all of it, at a time in s since the start."""
+        wandered = self.random_walk**2 * at + self.flicker**2 / math.pi * math.log(_FOR_GOOD / _SHORTEST)
+        return math.sqrt(self.earth**2 + wandered)
+
+    def covariance(self, readings: Sequence[Reading], axis: str) -> _Array:
+        """Return the covariance of an axis' readings from what they have in common, shape (n, n), in unit squared.
+
+        The sum of earth^2, among readings of one mounting for the axis that stands along the table's, for each reading
+        by itself for the others, which look another way whenever the table has turned; of K^2 min(t_i, t_j), which is
+        zero at the start; and of B^2/pi ln(T / (|t_i - t_j| + s)), the covariance of flicker noise above 1/T: T is a
+        day, beyond which it counts as part of the bias, and s is 5 s, about what averaging over a reading leaves. The
+        last one is convex and falling, so that it is a covariance (Polya).
+        """
+        at = np.array([each.at for each in readings])
+        mounting = np.array([each.mounting for each in readings])
+        same = (mounting[:, None] == axis) & (mounting[None, :] == axis) | np.eye(at.size, dtype=bool)
+        apart = np.abs(at[:, None] - at[None, :])
+        flicker = self.flicker**2 / math.pi * np.log(np.maximum(_FOR_GOOD / (apart + _SHORTEST), 1.0))
+        walk = self.random_walk**2 * np.minimum(at[:, None], at[None, :])
+        return np.asarray(self.earth**2 * same + flicker + walk, dtype=np.float64)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,11 +150,15 @@ class Response:
     gains: Mapping[str, Figure]
 
 
-def responses(readings: Sequence[Reading]) -> tuple[Response, ...]:
+def responses(readings: Sequence[Reading], slow: Slow | None = None) -> tuple[Response, ...]:
     """Return the response about each axis at each temperature, in order of axis and temperature.
 
     Readings about one axis within 2 K belong together. With r the true rates and m the readings, the gain is the slope
     of m over r, with a free intercept, by weighted least squares; for two opposite rates (m+ - m-) / (r+ - r-).
+
+    Args:
+        readings: with `at` where the bias wanders.
+        slow: what they have in common. Where that changes from one rate to the next, it is not the sensor's response.
 
     Raises:
         Refused: a reading turns about several axes, or a temperature lacks positive or negative rates.
@@ -97,10 +176,10 @@ def responses(readings: Sequence[Reading]) -> tuple[Response, ...]:
                 found[-1].append(reading)
             else:
                 found.append([reading])
-    return tuple(_response(axis, group) for axis in groups for group in groups[axis])
+    return tuple(_response(axis, group, slow or Slow()) for axis in groups for group in groups[axis])
 
 
-def _response(axis: str, group: list[Reading]) -> Response:
+def _response(axis: str, group: list[Reading], slow: Slow) -> Response:
     rates = np.array([reading.rates[axis] for reading in group])
     temperatures = [reading.temperature for reading in group]
     temperature = float(np.mean(temperatures))
@@ -109,11 +188,14 @@ def _response(axis: str, group: list[Reading]) -> Response:
             f"axis {axis} turned in one direction only near {temperature:g} degC",
             "measure positive and negative rates at each temperature, so that the bias cancels",
         )
-    gains = {name: _slope(rates, [reading.means[name] for reading in group]) for name in group[0].means}
+    gains = {
+        name: _slope(rates, [reading.means[name] for reading in group], slow.covariance(group, name))
+        for name in group[0].means
+    }
     return Response(axis=axis, temperature=temperature, low=min(temperatures), high=max(temperatures), gains=gains)
 
 
-def _slope(rates: _Array, means: Sequence[Figure]) -> Figure:
+def _slope(rates: _Array, means: Sequence[Figure], wandering: _Array) -> Figure:
     spread = [figure.uncertainty for figure in means]
     known = [each for each in spread if each]
     weight = 1.0 / np.array(known) if len(known) == len(spread) else np.ones(rates.size)
@@ -122,10 +204,10 @@ def _slope(rates: _Array, means: Sequence[Figure]) -> Figure:
     value = float(row @ np.array([figure.value for figure in means]))
     if len(known) != len(spread):
         return Figure(value=value, unit="1")
-    variances = np.square(row / weight).tolist()
+    variances = [*np.square(row / weight).tolist(), max(0.0, float(row @ wandering @ row))]
     return Figure(
         value=value,
         unit="1",
         uncertainty=math.sqrt(sum(variances)),
-        dof=effective_dof(zip(variances, (figure.dof for figure in means), strict=True)),
+        dof=effective_dof(zip(variances, (*(figure.dof for figure in means), math.inf), strict=True)),
     )

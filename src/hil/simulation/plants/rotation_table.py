@@ -66,6 +66,8 @@ class TableTruth:
         latitude: [deg], positive north; the table's axis points up.
         mounting: the board axis along the table's axis at the epoch.
         angle: of the table at the epoch [deg].
+        slow_clock: by which share the bench's clock runs slow: the board turns by so much faster than angle over bench
+            time tells.
     """
 
     ripple: Annotated[float, number(0, 0.5)] = 0.0
@@ -74,6 +76,7 @@ class TableTruth:
     latitude: Annotated[float, number(-90, 90)] = 0.0
     mounting: Annotated[str, one_of("x", "y", "z")] = "z"
     angle: Number = 0.0
+    slow_clock: Annotated[float, number(-0.01, 0.01)] = 0.0
 
 
 class RotationTable(Plant):
@@ -168,7 +171,7 @@ class RotationTable(Plant):
             return table_rate
         place = _RATES[name]
         axis, forward, left = self._frames[str(inputs["mounting"])]
-        seen = axis[place] * (table_rate + self._up)
+        seen = axis[place] * (table_rate * (1 + self._truth.slow_clock) + self._up)
         if self._north:
             angle = np.radians(self._angle(state, inputs, motor))
             seen = seen + self._north * (forward[place] * np.cos(angle) - left[place] * np.sin(angle))
