@@ -63,8 +63,12 @@ YEARS = -6 * 365 * 86400.0
             "CLOCK: event 1 of the journal has no whole stamp of the supervisor of this machine",
         ),
         ([line(1, at(0), "run", **LIVE)], "no supervisor stamped the times of the run"),
+        (
+            [line(1, at(0), "run", at(-1), **LIVE), line(2, at(5), "anomaly", text="CLOCK: the ledger is later")],
+            "CLOCK: the ledger is later",
+        ),
     ],
-    ids=["frozen in another year", "stands still", "ahead", "other machine", "nobody"],
+    ids=["frozen in another year", "stands still", "ahead", "other machine", "nobody", "later than the run"],
 )
 def test_a_faked_clock_is_named_and_nothing_is_eligible(lines, why):
     """A module that patches time and datetime, as freezegun does, deceives its own process and not its supervisor."""

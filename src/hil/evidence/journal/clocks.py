@@ -6,13 +6,15 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import pairwise
 
 from hil.clock import wall
-from hil.evidence.events import ClockJump, Reboot, Recovered, Resumed, Run
+from hil.evidence.events import Anomaly, ClockJump, Reboot, Recovered, Resumed, Run
 from hil.evidence.folder import JOURNAL
 from hil.evidence.journal.reader import JournalLine
 from hil.model.errors import Finding
 
-__all__ = ["SUPERVISOR", "clock_doubts", "clock_findings"]
+__all__ = ["DOUBT", "SUPERVISOR", "clock_doubts", "clock_findings"]
 
+DOUBT = "CLOCK: "
+"""How a sentence begins about times that cannot be believed, such as in an anomaly of the run."""
 SUPERVISOR = "supervisor"
 """The field of a line's wall half with the latest stamp of the process that supervises the run."""
 
@@ -53,9 +55,11 @@ def clock_doubts(lines: Sequence[JournalLine]) -> tuple[str, ...]:
     """Return why the times of a run cannot be believed, a sentence each; none means that its supervisor agrees.
 
     UTC is compared with the time since boot from line to line, and both with what the supervisor stamped itself: code
-    of a case can change the clocks of its own process, and not those of another one.
+    of a case can change the clocks of its own process, and not those of another one. What the run was told by the
+    ledger, which has entries of a later time, is one, too.
     """
-    found = (*_steps(lines), *_other_clocks(lines))
+    told = (line.event.text for line in lines if isinstance(line.event, Anomaly))
+    found = (*_steps(lines), *_other_clocks(lines), *(text for text in told if text.startswith(DOUBT)))
     run = next((line.event for line in lines if isinstance(line.event, Run)), None)
     if run is not None and run.live is not None and not any(SUPERVISOR in line.wall for line in lines):
         return (*found, "no supervisor stamped the times of the run")
@@ -102,7 +106,7 @@ def _steps(lines: Sequence[JournalLine]) -> Iterator[str]:
         step = (now[0] - now[1]) - (was[0] - was[1])
         if abs(step) > _APART_S and not isinstance(line.event, _ENTERS) and not _explained(step, jumps):
             yield (
-                f"CLOCK: from event {before.number} to {line.number} of the journal UTC and the time since boot part by"
+                f"{DOUBT}from event {before.number} to {line.number} of the journal UTC and the time since boot part by"
                 f" {step:+.0f} s, and no event says that the time of day was set"
             )
             return
@@ -114,7 +118,7 @@ def _other_clocks(lines: Sequence[JournalLine]) -> Iterator[str]:
     for line in lines:
         found = line.wall.get(SUPERVISOR)
         if isinstance(found, dict) and (text := _other_clock(found, line, before)):
-            yield f"CLOCK: event {line.number} of the journal {text}"
+            yield f"{DOUBT}event {line.number} of the journal {text}"
             return
         before = line
 

@@ -9,6 +9,7 @@ from typing import ClassVar
 
 from hil.clock import wall
 from hil.evidence import events
+from hil.evidence.journal.clocks import DOUBT
 from hil.evidence.journal.writer import Journal
 from hil.evidence.ledger.book import append, read
 from hil.evidence.ledger.entries import Head, set_back
@@ -100,7 +101,7 @@ class Heads:
         with suppress(EvidenceError):  # which the entry before has told
             ledger = read(self._folder.parent)
             if ledger.entries and (why := set_back(ledger.entries).get(ledger.entries[-1].seq)):
-                self._tell(f"CLOCK: the times of this run cannot be believed, and hil audit will not: {why}")
+                self._tell(f"{DOUBT}the times of this run cannot be believed: {why}")
 
     def _enter(self, event: events.Event) -> None:
         state = "INTERRUPTED" if isinstance(event, events.Stop) else "RUNNING"
