@@ -21,8 +21,6 @@ from hil.evidence.ledger.book import Ledger, read
 from hil.evidence.ledger.packages import Seals
 from hil.evidence.package.bag import INFO, MANIFEST, digest_of_manifest, identifier_of
 from hil.evidence.package.listing import shown
-from hil.evidence.package.look import LOOKED_AT, look
-from hil.evidence.package.sealing import lost_files
 from hil.evidence.package.verification import NO_SEAL, State, in_short, verify
 from hil.evidence.safed import was_safed
 from hil.evidence.state import fold
@@ -171,6 +169,8 @@ def status(folder: Path) -> RunSummary:
     """
     if not is_sealed(folder):
         return _unsealed(folder)
+    from hil.evidence.package.look import LOOKED_AT, look  # noqa: PLC0415 - heavy, and runs that are known need none
+
     ledger = read(folder.resolve().parent)
     seen = look(folder, ledger)
     if seen.state is not State.SEALED:
@@ -206,6 +206,8 @@ def _unsealed(folder: Path) -> RunSummary:
         require_known_format(reading)
     except EvidenceError as error:
         return RunSummary(folder=folder, state=State.UNKNOWN, problem=error.message)
+    from hil.evidence.package.sealing import lost_files  # noqa: PLC0415 - as `look`
+
     ended = State.SAFED if was_safed(folder, reading.events) else State.INTERRUPTED
     lost = () if held else tuple(lost_files(folder, reading, read=False))
     if (reading.findings or lost) and not held:
@@ -217,6 +219,8 @@ def _unsealed(folder: Path) -> RunSummary:
 
 def _sealed(folder: Path, ledger: Ledger) -> RunSummary:
     """Return a sealed run by its results, of which a quick look shows that they are those that were sealed."""
+    from hil.evidence.package.look import LOOKED_AT, look  # noqa: PLC0415 - heavy, and runs that are known need none
+
     seen = look(folder, ledger)
     if seen.outcome is None or seen.last is None:
         return _suspicious(folder, seen.state, seen.findings)

@@ -26,9 +26,7 @@ from hil.evidence.package.bag import (
     read_manifest,
     tag_manifest_text,
 )
-from hil.evidence.package.consistent import content_findings, guarded
 from hil.evidence.package.listing import Listing, list_folder, shown
-from hil.evidence.package.sealing import lost_files
 from hil.evidence.safed import was_safed
 from hil.evidence.state import fold, standing
 from hil.model.errors import EvidenceError, Finding
@@ -126,6 +124,8 @@ def verify(folder: Path, ledger: Ledger | None = None) -> Verification:
 
 
 def _verify_sealed(folder: Path) -> Verification:
+    from hil.evidence.package.consistent import content_findings, guarded  # noqa: PLC0415 - heavy, and lists need `State`
+
     listing = list_folder(folder)
     if listing.odd:  # where a folder may be a link, nothing below it is opened
         return Verification(folder=folder, state=State.DAMAGED, findings=tuple(listing.findings()))
@@ -189,6 +189,9 @@ def hash_file(folder: Path, path: str, hashes: dict[str, str]) -> Iterator[Findi
 
 
 def _verify_unsealed(folder: Path, state: State) -> Verification:
+    from hil.evidence.package.consistent import guarded  # noqa: PLC0415 - as above
+    from hil.evidence.package.sealing import lost_files  # noqa: PLC0415 - as above
+
     running = state is State.RUNNING
     findings = list(list_folder(folder).odd)
     try:
