@@ -266,6 +266,17 @@ def test_running_header_is_repeated_by_print():
     assert "size: A4" in css
 
 
+def test_what_is_long_breaks_over_columns_in_print():
+    """A list of a hundred packages that stays together leaves half a page blank, and the footer a page of its own."""
+    printed = (TEMPLATES / "report.css").read_text(encoding="utf-8").partition("@media print")[2]
+    assert re.search(r"dl\.lines\.small \{[^}]*columns: 3;", printed)
+    kept, broken = (
+        printed.index("dt, dd, .verdict .word { break-inside: avoid; }"),
+        printed.index("break-inside: auto; } ul.gates"),
+    )
+    assert kept < broken
+
+
 def hardware_page(folder, **port):
     """Return the page of a run on hardware that is in order in every way, but for what its ports are."""
     folder.mkdir()
@@ -598,7 +609,7 @@ def test_code_of_others_is_told_in_sentences(tmp_path):
     (copy / "data/results.json").chmod(0o644)
     (copy / "data/results.json").write_text(json.dumps(results))
     words = Page(make_reports(copy, found_of(copy))[HTML].decode()).words
-    assert f"drivers, roles, plants, peers and faults {told}" in words
+    assert f"code of other packages {told}" in words
     assert f"code at the start of Python {reason}" in words
 
 

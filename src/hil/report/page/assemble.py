@@ -343,7 +343,7 @@ def _parameters(material: Material) -> tuple[ParameterRow, ...]:
 
 
 _OTHER_CODE = {
-    OTHERS: "drivers, roles, plants, peers and faults",
+    OTHERS: "code of other packages",
     "start": "code at the start of Python",
     "environment": "variables of the environment",
     "executed": "code that ran",
