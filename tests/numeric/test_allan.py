@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import allantools
 import numpy as np
@@ -48,6 +49,8 @@ def within_band(hits, trials, probability):
 
 PRINTED = {
     "overlapping": ["2.922319e-01", "9.159953e-02", "3.241343e-02"],
+    "nonoverlapping": ["2.922319e-01", "9.965736e-02", "3.897804e-02"],
+    "time": ["1.687202e-01", "3.563623e-01", "1.253382e+00"],
     "modified": ["2.922319e-01", "6.172376e-02", "2.170921e-02"],
     "hadamard": ["2.943883e-01", "9.581083e-02", "3.237638e-02"],
     "total": ["2.922319e-01", "9.134743e-02", "3.406530e-02"],
@@ -70,6 +73,8 @@ def test_the_ten_points_of_nbs_monograph_140_give_the_printed_deviations():
 
 ORACLES = {
     "overlapping": allantools.oadev,
+    "nonoverlapping": allantools.adev,
+    "time": allantools.tdev,
     "modified": allantools.mdev,
     "hadamard": allantools.ohdev,
     "total": allantools.totdev,
@@ -160,6 +165,7 @@ def coloured(generator, alpha, count=1000, repeats=2000):
         [
             (estimator, alpha, m)
             for estimator in ESTIMATORS
+            if estimator != "time"
             for alpha in (2, 0, -1, -2)
             if (estimator, alpha) != ("total", 2)  # nothing is published, and the Allan ones stand in
             for m in (16, 250)
@@ -309,15 +315,55 @@ def test_a_mixture_near_a_datasheet_is_recovered():
     assert model.random_walk.unit == "deg/s*sqrt(Hz)"
 
 
-def test_a_filtered_sensor_keeps_its_white_noise():
-    """White noise behind a sensor's own first-order filter: the short averaging times are left out, N stays right."""
+@pytest.mark.parametrize("known", [{}, {"bandwidth": 8.1}, {"tau_min": 0.5}])
+def test_a_filtered_sensor_keeps_its_white_noise(known):
+    """White noise behind a first-order filter, whether it is given, found or left out: N to 2.5 u, and no Q claimed."""
     from scipy.signal import lfilter  # noqa: PLC0415 - slow to import
 
     data = lfilter([0.4], [1.0, -0.6], np.random.default_rng(6).standard_normal(200_000)) * 10.0
-    model = characterise(data, 100.0, "deg/s")
+    model = characterise(data, 100.0, "deg/s", **known)
     assert model.white.status is FigureStatus.MEASURED
-    assert model.white.value == pytest.approx(1.0, rel=0.05)
+    assert abs(model.white.value - 1.0) < 2.5 * model.white.uncertainty < 0.1
+    assert model.quantisation.status is FigureStatus.NOT_OBSERVABLE
     assert model.tau_min > 0.01
+
+
+def test_the_longest_averaging_time_that_is_fitted_can_be_given():
+    """A random walk beyond tau_max is not seen."""
+    data = noise(np.random.default_rng(14), 16_384, 1.0, white=1.0, random_walk=0.02)
+    assert characterise(data, 1.0, "deg/s").random_walk.status is FigureStatus.MEASURED
+    assert characterise(data, 1.0, "deg/s", tau_max=32.0).random_walk.status is FigureStatus.UPPER_LIMIT
+
+
+def test_a_fit_that_is_too_good_is_doubted():
+    """A single spike follows the slope of white noise more closely than white noise does."""
+    data = 1e-3 * np.random.default_rng(12).standard_normal(20_000)
+    data[9000] = 100.0
+    model = characterise(data, 10.0, "deg/s")
+    assert model.white.status is FigureStatus.MODEL_REJECTED
+    assert "better than noise allows" in model.remark
+
+
+@pytest.mark.parametrize(("term", "expected"), [("white", 0), ("flicker", -1), ("random_walk", -2)])
+def test_the_noise_type_is_not_redder_than_the_record(term, expected):
+    """Twenty records of 16,384 samples: at most one is called another type at 512 samples and beyond."""
+    generator = np.random.default_rng(31)
+    types = [deviation(noise(generator, 16_384, 1.0, **{term: 1.0}), 1.0).alpha[9:] for _ in range(20)]
+    assert sum(bool((each != expected).any()) for each in types) <= 1
+
+
+def test_nearest_slopes_read_what_matlab_reads():
+    """On exact model deviations of a single term the tangent reads its coefficient, at any rate."""
+    from hil.analysis.allan.slopes import nearest_slopes  # noqa: PLC0415 - only here
+
+    curve = deviation(np.random.default_rng(1).standard_normal(20_000), 10.0, unit="deg/s")
+    for place, (name, unit) in enumerate(
+        [("quantisation", "deg/s*s"), ("white", "deg/s/sqrt(Hz)"), ("flicker", "deg/s")]
+    ):
+        exact = replace(curve, deviation=3.0 * np.sqrt(variances(curve.m, 10.0)[:, place]))
+        figure = nearest_slopes(exact)[name]
+        assert (figure.value, figure.unit) == (pytest.approx(3.0, rel=0.01), unit)
+        assert figure.uncertainty is None
 
 
 def test_motion_is_rejected_by_the_model():

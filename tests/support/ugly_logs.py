@@ -431,6 +431,62 @@ def all_nan():
     return table(times(), np.full(COUNT, np.nan))
 
 
+def slow_noise(document):
+    """Return flicker and random walk of every axis."""
+    return [axis[name] for axis in document["axes"] for name in ("flicker", "random_walk")]
+
+
+@kind("a warm-up, whose random walk would be none", truth=0.0, figure=slow_noise)
+def warm_up():
+    return table(times(), noise() + 0.5 * np.exp(-times() / 5.0))
+
+
+@kind("a slow sine, whose random walk would be none", truth=0.0, figure=slow_noise)
+def slow_sine():
+    return table(times(), noise() + 0.1 * np.sin(times() / 3.0))
+
+
+@kind("a ramp, whose random walk would be none", truth=0.0, figure=slow_noise)
+def ramp():
+    return table(times(), noise() + 0.01 * times())
+
+
+@kind("white noise beneath a ramp")
+def beneath_ramp():
+    return table(times(), noise() + 0.01 * times())
+
+
+@kind("a ramp", truth=0.01, figure=lambda document: [axis["ramp"] for axis in document["axes"]])
+def ramp_itself():
+    return table(times(), noise() + 0.01 * times())
+
+
+@kind("a straight line without noise", truth=None)
+def line():
+    return table(times(), 0.01 * times())
+
+
+@kind("a filter of first order that nobody told", truth=TRUTH)
+def filtered():
+    values = noise(COUNT + 50, sigma=SIGMA) - 0.05
+    for place in range(1, values.size):
+        values[place] = 0.7 * values[place - 1] + 0.3 * values[place]
+    return table(times(), values[50:])
+
+
+@kind("a moving average of four samples, nobody told")
+def averaged():
+    return table(times(), np.convolve(noise(COUNT + 3), np.ones(4) / 4, "valid"))
+
+
+@kind(
+    "an angle that is counted: quantisation", truth=0.001, figure=lambda document: [document["axes"][0]["quantisation"]]
+)
+def counted_angle():
+    errors = np.random.default_rng(4).uniform(-1, 1, COUNT + 1) * math.sqrt(3) * 0.001
+    return table(times(), noise(sigma=0.02) + np.diff(errors) * RATE)
+
+
 # Numbers near the ends
 
 

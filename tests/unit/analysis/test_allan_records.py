@@ -134,7 +134,7 @@ def test_the_averaging_window_of_falling_deviations_is_not_observable():
 
 def test_an_unknown_estimator_is_refused():
     """The message lists those that exist."""
-    with pytest.raises(Refused, match="choose one of overlapping, modified, hadamard, total"):
+    with pytest.raises(Refused, match="choose one of overlapping, nonoverlapping, modified, time, hadamard, total"):
         deviation(np.arange(10.0), 1.0, estimator="theo1")
 
 

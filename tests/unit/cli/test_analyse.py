@@ -303,6 +303,15 @@ def test_other_estimators_stand_beside_the_same_coefficients(estimator, title):
     assert axis["white"]["value"] == pytest.approx(2.88, abs=0.05)  # of the spectrum from 1 to 20 Hz, below the filter
 
 
+def test_the_nearest_slopes_are_named_legacy():
+    """--method nearest-slope adds its numbers under a heading of their own; the coefficients stay those of the fit."""
+    asked = (*REST[:3], "2", *REST[4:], "--method", "nearest-slope", "--tau-max", "4")
+    assert "legacy method nearest-slope" in run(SLICE, *asked).stdout
+    axis = json.loads(run(SLICE, *asked, "--json").stdout)["axes"][0]
+    assert axis["legacy_nearest_slope"]["white"]["unit"] == axis["white"]["unit"]
+    assert axis["legacy_nearest_slope"]["white"]["value"] != axis["white"]["value"]
+
+
 def test_dense_averaging_times_are_drawn(tmp_path):
     """--taus dense gives twenty points a decade."""
     asked = ("--estimator", "hadamard", "--taus", "dense", "--json", "--plot", str(tmp_path / "plot.png"))

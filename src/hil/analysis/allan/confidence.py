@@ -26,7 +26,9 @@ _Array: TypeAlias = NDArray[np.float64]
 MOST_AVERAGES = 1 << 14
 """Averages beyond which a noise type gets no clearer: r1 is known to 0.008 then."""
 
-REDDEST: Mapping[str, int] = {"overlapping": -2, "modified": -2, "hadamard": -4, "total": -2}
+REDDEST: Mapping[str, int] = {
+    "overlapping": -2, "nonoverlapping": -2, "modified": -2, "time": -2, "hadamard": -4, "total": -2,
+}  # fmt: skip
 """The reddest noise type for which an estimator converges, by its name."""
 
 _FEWEST_AVERAGES = 30  # below, r1 says too little (Riley and Greenhall 2004)
@@ -36,16 +38,21 @@ _TOTAL = {0: (1.50, 0.0), -1: (1.17, 0.22), -2: (0.93, 0.36)}  # SP1065 table 7
 _TOTAL_BIAS = {-1: 1.0 / (3.0 * math.log(2.0)), -2: 0.75}  # SP1065, section on the total variance
 
 
-def identify(averages: _Array, reddest: int = -2) -> int | None:
+def identify(averages: _Array, reddest: int = -2, *, averaged: bool = False) -> int | None:
     """Return the noise type of consecutive averages of the rate, or None if they are too few or all the same.
 
     Model: with r1 the lag-1 autocorrelation of the averages without their linear drift, delta = r1 / (1 + r1); while
     delta is 0.25 or more the averages are differenced and counted again. alpha = -2 (delta + differences), rounded and
     held within `reddest` and 2 (Riley and Greenhall 2004, and SP1065's section on noise identification).
 
+    This holds for samples. Once differenced, averages over many samples have r1 = -0.22 under flicker and 0.25 under
+    random walk, where the published bound is -0.2: it calls nearly every other flicker a random walk. For averages the
+    bound is 0, and a standard deviation of r1 beyond, so that no type is redder than the data show.
+
     Args:
         averages: rate averaged over consecutive windows of one length, shape (k,).
         reddest: the lowest type to tell apart: -2, or -4 for a Hadamard variance.
+        averaged: whether a window is longer than a sample.
     """
     if averages.size < _FEWEST_AVERAGES:
         return None
@@ -54,7 +61,12 @@ def identify(averages: _Array, reddest: int = -2) -> int | None:
     while delta is not None and delta >= 0.25 and differences < -reddest // 2:
         values = np.diff(values)
         delta, differences = _delta(values - values.mean()), differences + 1
-    return None if delta is None else max(reddest, min(2, round(-2.0 * (delta + differences))))
+    if delta is None:
+        return None
+    alpha = max(reddest, min(2, round(-2.0 * (delta + differences))))
+    if averaged and differences == 1 and alpha in {-1, -2}:
+        return -2 if delta > (1.0 - delta) / math.sqrt(averages.size) else -1
+    return alpha
 
 
 def _delta(values: _Array) -> float | None:
@@ -76,7 +88,8 @@ def degrees(estimator: str, alpha: int, m: int, terms: int, samples: int) -> flo
     """Return the equivalent degrees of freedom of one point of a deviation.
 
     Total variance: b T / tau - c (SP1065 table 7), at most those of as many overlapping differences; for alpha 1 and
-    2, for which none are published, those of the overlapping Allan variance. All others: `edf`.
+    2, for which none are published, those of the overlapping Allan variance. Without overlap: equation 10 of Greenhall
+    and Riley with a stride of m samples. All others: `edf`.
 
     Args:
         estimator: its name, a key of REDDEST.
@@ -90,7 +103,10 @@ def degrees(estimator: str, alpha: int, m: int, terms: int, samples: int) -> flo
         return min(slope * samples / m - offset, edf({alpha: 1.0}, m, terms))
     if estimator == "total":
         terms = samples + 1 - 2 * m
-    return edf({alpha: 1.0}, m, terms, order=3 if estimator == "hadamard" else 2, modified=estimator == "modified")
+    if estimator == "nonoverlapping":
+        return _edf_of_sum({alpha: 1.0}, float(terms), 1.0, float(m), 2)
+    modified = estimator in {"modified", "time"}
+    return edf({alpha: 1.0}, m, terms, order=3 if estimator == "hadamard" else 2, modified=modified)
 
 
 def total_bias(alpha: NDArray[np.int64], m: NDArray[np.int64], samples: int) -> _Array:

@@ -57,6 +57,8 @@ def slow(values: _Array, rate: float) -> Slow | None:
     if means.size < _FEWEST:
         return None
     parts = _cosines(means[:, None])[:, 0]
+    if not parts.any():
+        return None
     design = _spectra(means.size, step)
     alone, _ = _likelihood(parts, design, None)
     simple, _ = _likelihood(parts, design[:, :1], _library(means.size))

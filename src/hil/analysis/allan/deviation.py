@@ -29,6 +29,7 @@ __all__ = [
     "deviation",
     "hadamard",
     "modified",
+    "nonoverlapping",
     "overlapping",
     "overlapping_with_holes",
     "total",
@@ -47,6 +48,13 @@ def overlapping(phase: _Array, m: int) -> tuple[float, int]:
     terms = phase.size - 2 * m
     squares = [_power(_second(phase, m, first, last)) for first, last in _blocks(0, terms)]
     return math.fsum(squares) / (2.0 * m * m * terms), terms
+
+
+def nonoverlapping(phase: _Array, m: int) -> tuple[float, int]:
+    """Return the Allan variance of averages side by side and its number of terms, SP1065 equation 9."""
+    picked = phase[::m]
+    squares = [_power(_second(picked, 1, first, last)) for first, last in _blocks(0, picked.size - 2)]
+    return math.fsum(squares) / (2.0 * m * m * (picked.size - 2)), picked.size - 2
 
 
 def overlapping_with_holes(phase: _Array, m: int, holes: NDArray[np.int64]) -> tuple[float, int]:
@@ -162,15 +170,17 @@ def _reflected(phase: _Array, first: int, end: int) -> _Array:
 
 _Places: TypeAlias = NDArray[np.int64]
 
-Estimator: TypeAlias = Literal["overlapping", "modified", "hadamard", "total"]
+Estimator: TypeAlias = Literal["overlapping", "nonoverlapping", "modified", "time", "hadamard", "total"]
 Taus: TypeAlias = Literal["octave", "dense"] | Sequence[float] | _Array
 
-ESTIMATORS: tuple[Estimator, ...] = ("overlapping", "modified", "hadamard", "total")
-"""What can be estimated: Allan, modified Allan and Hadamard deviations of all overlapping averages, total deviation."""
+ESTIMATORS: tuple[Estimator, ...] = ("overlapping", "nonoverlapping", "modified", "time", "hadamard", "total")
+"""What can be estimated: Allan deviations of all overlapping averages and of those side by side, modified Allan, time
+and overlapping Hadamard deviations, total deviation."""
 
 _BEYOND_CHANCE = 300  # averages at which the bound between two types is 3 standard deviations of r1 away
 _DENSE = 20  # averaging times in a decade: neighbours correlate by more than 0.95, so more of them tell nothing
-_SPANS = {"overlapping": 2, "modified": 3, "hadamard": 3, "total": 2}  # averages that one term takes
+_SPANS = {"overlapping": 2, "nonoverlapping": 2, "modified": 3, "time": 3, "hadamard": 3, "total": 2}
+"""How many averages one term takes."""
 
 
 @traced
@@ -187,8 +197,9 @@ def deviation(
 ) -> AllanCurve:
     """Return a deviation of rate data over averaging time.
 
-    Models: SP1065 equations 11 (overlapping), 14 (modified), 18 (hadamard) and 25 (total), of the phases that are the
-    running sum of the rate without its mean, which changes nothing but the rounding. Intervals are chi-square with the
+    Models: SP1065 equations 11 (overlapping), 9 (nonoverlapping), 14 (modified), 18 (hadamard) and 25 (total), of the
+    phases that are the running sum of the rate without its mean, which changes nothing but the rounding; time is
+    tau / sqrt(3) times modified, in `unit` times s. Intervals are chi-square with the
     equivalent degrees of freedom of the noise type identified at each averaging time; where fewer than 30 averages are
     left, or a bluer type could be chance, the type of the nearest shorter time stands in. Total deviations are divided
     by their known bias under flicker and random walk. Needs one copy of the data beside them.
@@ -235,6 +246,8 @@ def deviation(
     degrees = np.array([trust.degrees(estimator, *point, samples) for point in points])
     if estimator == "total":
         variance /= trust.total_bias(alpha, factors, samples)
+    if estimator == "time":
+        variance, unit = variance * np.square(factors / rate) / 3.0, f"{unit}*s"
     low, high = trust.interval(variance, degrees, confidence)
     return AllanCurve(
         estimator=estimator,
@@ -335,7 +348,9 @@ def _variance(phase: _Array, m: int, estimator: Estimator, missing: _Places) -> 
         return overlapping_with_holes(phase, m, missing)
     kernels = {
         "overlapping": overlapping,
+        "nonoverlapping": nonoverlapping,
         "modified": modified,
+        "time": modified,
         "hadamard": hadamard,
         "total": total,
     }
@@ -349,8 +364,8 @@ def _noise_types(factors: _Places, averages: Iterable[_Array], reddest: int) -> 
     """
     alpha = np.zeros(factors.size, dtype=np.int64)
     shorter = 0
-    for place, each in enumerate(averages):
-        known = trust.identify(each, reddest)
+    for place, (m, each) in enumerate(zip(factors.tolist(), averages, strict=True)):
+        known = trust.identify(each, reddest, averaged=m > 1)
         if known is not None and not (known > shorter and each.size < _BEYOND_CHANCE):
             shorter = known
         alpha[place] = shorter

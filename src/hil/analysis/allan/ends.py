@@ -16,7 +16,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["End", "ends", "line", "slope_variances"]
+__all__ = ["End", "ends", "line", "slope_variances", "without"]
 
 _Array: TypeAlias = NDArray[np.float64]
 
@@ -94,11 +94,25 @@ def slope_variances(samples: int, rate: float) -> _Array:
 
 def line(values: _Array) -> tuple[float, float]:
     """Return mean and slope per sample of the line by least squares through the samples that are there."""
-    time = np.arange(values.size) - (values.size - 1) / 2.0
-    present = np.isfinite(values)
-    if not present.all():
-        time, values = time[present], values[present]
-    mean, middle = float(values.mean()), float(time.mean())
-    time -= middle
-    slope = float(np.einsum("i,i->", time, values - mean) / np.einsum("i,i->", time, time))
-    return mean - slope * middle, slope
+    middle, mean = (values.size - 1) / 2.0, float(np.nanmean(values))
+    sums = np.zeros(5)  # of 1, t, t^2, y and t y, with y from the mean
+    for first in range(0, values.size, _BLOCK):
+        part = values[first : first + _BLOCK] - mean
+        time = np.arange(first, first + part.size) - middle
+        present = np.isfinite(part)
+        time, part = time[present], part[present]
+        sums += np.array([time.size, time.sum(), time @ time, part.sum(), time @ part])
+    count, first_moment, second, total, product = sums.tolist()
+    slope = (count * product - first_moment * total) / (count * second - first_moment**2)
+    return mean + (total - slope * first_moment) / count, slope
+
+
+_BLOCK = 1 << 16
+
+
+def without(values: _Array, slope: float) -> _Array:
+    """Return a copy of values from which a line through zero was taken off."""
+    bare = np.arange(values.size, dtype=np.float64)
+    bare *= -slope
+    bare += values
+    return bare

@@ -239,7 +239,7 @@ def _judged(work: _Work, squares: _Array, covariance: _Array) -> Fit:
         squares=squares,
         offered=offered,
         covariance=np.asarray(weighted @ covariance @ weighted.T, dtype=np.float64),
-        bound=np.minimum(_alone(variance, model, design, np.diag(covariance)), bounds),
+        bound=np.minimum(_alone(variance, model, design, np.diag(covariance)), np.maximum(bounds, squares)),
         selected=tuple((squares != 0.0).tolist()),
         chi=math.sqrt(misfit / left),
         tail=float(gammaincc(left / 2.0, misfit / 2.0)),

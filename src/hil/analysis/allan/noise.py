@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from hil.analysis.allan import fit as allan_fit
 from hil.analysis.allan.curves import Slow, slow
 from hil.analysis.allan.deviation import deviation
-from hil.analysis.allan.ends import line, slope_variances
+from hil.analysis.allan.ends import line, slope_variances, without
 from hil.analysis.allan.results import AllanCurve, NoiseModel
 from hil.analysis.statistics import not_observable
 from hil.analysis.tracing import traced
@@ -85,7 +85,7 @@ def characterise(
         return _unobservable(curve, f"all {curve.samples} samples are the same: stuck, or below the resolution")
     values = np.asarray(data, dtype=np.float64)
     mean, slope = line(values)
-    bare = deviation(values - slope * np.arange(values.size), rate, holes=holes)
+    bare = deviation(without(values, slope), rate, holes=holes)
     if not curve.deviation.all():
         return _unobservable(curve, "the deviation is zero at some averaging times: too few distinct samples")
     shortest = max(tau_min, 1.0 / bandwidth if bandwidth else 0.0)
@@ -110,7 +110,8 @@ def _fitted(bare: AllanCurve, usable: NDArray[np.intp]) -> tuple[allan_fit.Fit, 
         fits[start] = allan_fit.fit(_points(bare, start, end))
         if fits[start].tail >= _GOOD_TAIL:
             break
-    best = max(fits, key=lambda start: min(fits[start].tail, _GOOD_TAIL))
+    enough = min(_GOOD_TAIL, max(found.tail for found in fits.values()) / 3.0)
+    best = next(start for start, found in fits.items() if found.tail >= enough)
     if fits[best].tail < _WORST_TAIL or best == first:
         return fits[first], first
     beyond = min(best + 1, last)  # what is left of the filter there is within the noise

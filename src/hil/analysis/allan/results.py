@@ -20,8 +20,8 @@ class AllanCurve:
     """A deviation of the Allan family; arrays of one shape (k,), in order of rising tau.
 
     Attributes:
-        estimator: overlapping, modified, hadamard (overlapping) or total.
-        unit: unit of the rate, and of the deviations.
+        estimator: overlapping, nonoverlapping, modified, time, hadamard (overlapping) or total.
+        unit: unit of the deviations: that of the rate, for the time deviation times s.
         rate: samples per second.
         samples: length of the record in samples, those that are missing included.
         missing: how many samples of the record are missing.

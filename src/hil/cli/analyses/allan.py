@@ -22,7 +22,7 @@ __all__ = ["allan"]
 @log_options
 @click.option(
     "--estimator",
-    type=click.Choice(["overlapping", "modified", "hadamard", "total"]),
+    type=click.Choice(["overlapping", "nonoverlapping", "modified", "time", "hadamard", "total"]),
     default="overlapping",
     show_default=True,
     help="Which deviation the table and the plot show.",
@@ -36,16 +36,24 @@ __all__ = ["allan"]
 )
 @click.option("--tau-min", type=float, default=0.0, metavar="S", help="Shortest averaging time in the fit.")
 @click.option("--tau-max", type=float, default=math.inf, metavar="S", help="Longest averaging time in the fit.")
+@click.option(
+    "--method",
+    type=click.Choice(["fit", "nearest-slope"]),
+    default="fit",
+    show_default=True,
+    help="Where coefficients come from; nearest-slope adds the legacy read-out, for comparison with old tables.",
+)
 @click.option("--confidence", type=float, default=0.68, show_default=True, help="Confidence level of the intervals.")
 @click.option("--plot", type=click.Path(path_type=Path), metavar="FILE", help="Draw the deviations: .svg or .png.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON document and nothing else.")
-def allan(
+def allan(  # noqa: PLR0913 - one argument per option
     *,
     wanted: Wanted,
     estimator: Estimator,
     taus: str,
     tau_min: float,
     tau_max: float,
+    method: str,
     confidence: float,
     plot: Path | None,
     as_json: bool,
@@ -65,6 +73,7 @@ def allan(
     """  # noqa: D301 - click reads \b
     from hil.analysis.allan.deviation import deviation  # noqa: PLC0415 - start-up stays light
     from hil.analysis.allan.noise import characterise  # noqa: PLC0415 - start-up stays light
+    from hil.analysis.allan.slopes import nearest_slopes  # noqa: PLC0415 - start-up stays light
     from hil.cli.analyses import allan_text  # noqa: PLC0415 - start-up stays light
 
     log = obtain(wanted)
@@ -80,7 +89,8 @@ def allan(
                 values, log.rate, _taus(taus),
                 estimator=estimator, unit=curve.unit, confidence=confidence, holes=True,
             )  # fmt: skip
-        axes.append(allan_text.Axis(name=name, model=model, curve=curve, doubts=log.doubts(name)))
+        legacy = nearest_slopes(model.curve) if method == "nearest-slope" else {}
+        axes.append(allan_text.Axis(name=name, model=model, curve=curve, legacy=legacy, doubts=log.doubts(name)))
     if plot is not None:
         _draw(plot, axes)
     result = allan_text.Result(log=log, axes=tuple(axes))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 
 from hil.analysis.allan.results import AllanCurve, NoiseModel
 from hil.analysis.gates import Gate
@@ -19,7 +19,9 @@ _TERMS = ("quantisation", "white", "flicker", "random_walk", "ramp", "averaging_
 _LABELS = ("quantisation", "white noise", "flicker", "random walk", "ramp", "best averaging")
 NAMES = {
     "overlapping": "overlapping Allan",
+    "nonoverlapping": "nonoverlapping Allan",
     "modified": "modified Allan",
+    "time": "time",
     "hadamard": "overlapping Hadamard",
     "total": "total",
 }
@@ -41,11 +43,15 @@ _HEAD = ("tau [s]", "deviation", "low", "high", "edf", "noise")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Axis:
-    """One column of a log, what it says, and the gates that make that inconclusive."""
+    """One column of a log, what it says, and the gates that make that inconclusive.
+
+    `legacy` holds what nearest slopes read, by term, where that was asked for.
+    """
 
     name: str
     model: NoiseModel
     curve: AllanCurve
+    legacy: Mapping[str, Figure] = field(default_factory=dict)
     doubts: tuple[Gate, ...] = ()
 
 
@@ -91,11 +97,16 @@ def _axis(axis: Axis) -> dict[str, object]:
         "status": INCONCLUSIVE if axis.doubts else "conclusive",
         "reasons": [str(gate) for gate in axis.doubts],
         **{term: _figure(getattr(model, term), axis.doubts) for term in _TERMS},
+        **({"legacy_nearest_slope": _legacy(axis)} if axis.legacy else {}),
         "chi": _finite(model.chi),
         "tau_min": model.tau_min,
         "remark": model.remark,
         "curve": [dict(zip(keys, row, strict=True)) for row in rows],
     }
+
+
+def _legacy(axis: Axis) -> dict[str, object]:
+    return {name: {"value": _finite(each.value), "unit": each.unit} for name, each in axis.legacy.items()}
 
 
 def _figure(figure: Figure, doubts: tuple[Gate, ...]) -> Mapping[str, object]:
@@ -181,6 +192,9 @@ def _summary(axis: Axis) -> Iterator[str]:
         for label, figure in figures
     ]
     yield from aligned(rows)
+    if axis.legacy:
+        yield "legacy method nearest-slope, for comparison with old tables; no measurement:"
+        yield from aligned([(_LABELS[_TERMS.index(name)], stated(each)) for name, each in axis.legacy.items()])
     if axis.doubts:
         yield from fitting([f"inconclusive: {'; '.join(gate.name for gate in axis.doubts)}; see above"], _WIDTH)
     if math.isfinite(model.chi):
