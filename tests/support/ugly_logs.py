@@ -613,6 +613,64 @@ def axis_still():
     return table(warm, np.full(means.size, 0.3), head="T,x")
 
 
+TURNED = (*GYROSCOPE[:4], "--means", "x,y,z", "--unit", "deg/s", "--uncertainty", "0.002", "--rates", "rx,ry,rz")
+
+
+def gains(document):
+    """Return the scale of x at the reference temperature."""
+    scale = document["calibration"]["axes"]["x"]["scale"]
+    spread = math.sqrt(scale["covariance"][0][0])
+    return [{"value": scale["coefficients"][0], "uncertainty": spread, "status": "measured"}]
+
+
+def turned(*, readings=1.0, rates=1.0, still=1.0, ways=(1.0, -1.0)):
+    """Return a table with rates of 20 deg/s about x; a scale of 1.01, and what is wrong as a factor."""
+    generator, rows = np.random.default_rng(6), []
+    for warm in (-15.0, 0.0, 10.0, 25.0, 43.0):
+        for rate in (0.0, *(20.0 * way for way in ways)):
+            means = 0.3 + SLOPE * (warm - 25.0) + 0.002 * generator.standard_normal(3)
+            means[0] += still * rate / 1.01
+            rows.append([warm, *means * readings, rates * rate, 0.0, 0.0])
+    return table(*np.array(rows).T, head="T,x,y,z,rx,ry,rz")
+
+
+@kind("rates in both directions, nothing ugly", TURNED, 1.01, gains)
+def rates_both():
+    return turned()
+
+
+@kind("rates of the table in rad/s", TURNED, 1.01, gains)
+def rates_radians():
+    return turned(rates=math.pi / 180.0)
+
+
+@kind("readings in rad/s", TURNED, 1.01, gains)
+def readings_radians():
+    return turned(readings=math.pi / 180.0)
+
+
+@kind("rates of the wrong sign", TURNED, 1.01, gains)
+def rates_sign():
+    return turned(rates=-1.0)
+
+
+@kind("an axis that does not turn with the table", TURNED, None, gains)
+def axis_unturned():
+    return turned(still=0.0)
+
+
+@kind("rates in one direction only, with readings at rest", TURNED, 1.01, gains)
+def rates_one_way():
+    return turned(ways=(1.0,))
+
+
+@kind("an outlier among the means", (*GYROSCOPE, "--uncertainty", "0.002"), SLOPE, slope)
+def mean_outlier():
+    warm, means = temperatures()
+    means[7] += 0.1
+    return table(warm, means, head="T,x")
+
+
 @kind("a mean that is NaN", (*GYROSCOPE, "--uncertainty", "0.002"), SLOPE, slope)
 def mean_nan():
     warm, means = temperatures()

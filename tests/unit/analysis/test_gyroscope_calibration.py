@@ -26,7 +26,7 @@ from hil.analysis.gyroscope.interchange import (
     from_json,
     printed,
 )
-from hil.analysis.gyroscope.readings import Reading, responses
+from hil.analysis.gyroscope.readings import Reading, Response, Slow, implausible, responses
 from hil.analysis.gyroscope.self_check import export_disagreements
 from hil.model.errors import Refused
 from hil.model.figure import Figure, FigureStatus
@@ -128,13 +128,19 @@ def test_two_axes_are_calibrated_without_alignment():
     assert calibration.correct({"x": 0.1, "y": 0.1}, 25.0)["x"] == pytest.approx(0.0, abs=1e-12)
 
 
+def one_way(warmer=0.0):
+    """Readings about y in one direction only, by so many kelvin above those at rest."""
+    turned = (each for each in readings(turning="y") if each.rates.get("y", 0.0) > 0.0)
+    return [replace(each, temperature=each.temperature + warmer) for each in turned]
+
+
 @pytest.mark.parametrize(
     ("given", "why"),
     [
         ([], "there is no reading"),
         (readings(temperatures=(25.0,)), "bias of axis x: 1 temperature does not tell a dependence"),
         (readings(turning="")[:2] + readings(turning="x", temperatures=(25.0,)), "scale of axis x: 1 temperature"),
-        ([each for each in readings() if each.rates.get("y", 0.0) >= 0.0], "axis y turned in one direction only near"),
+        ([*readings(turning=""), *one_way(5.0)], "axis y turned in one direction only near"),
         ([*readings(), *readings(axes="xy", turning="")], "do not have the same axes"),
         ([*readings(), replace(readings()[0], rates={"w": 1.0})], "the table turns about w"),
         ([*readings(), replace(readings()[0], rates={"x": 1.0, "y": 1.0})], "turns about x and y"),
@@ -339,3 +345,81 @@ int main(void)
     return 0;
 }
 """
+
+
+def test_rates_in_one_direction_give_a_scale_with_the_bias_of_rest():
+    """The same scale as both directions give, less sure, and the assumption is said."""
+    both = calibrate(readings(turning="y"))
+    found = calibrate([*readings(turning=""), *one_way()])
+    own, wide = (each.calibration.axes["y"].scale.figure(25.0) for each in (both, found))
+    assert wide.value == pytest.approx(own.value, rel=1e-9)
+    assert wide.uncertainty > 1.5 * own.uncertainty
+    assert any("from one direction and readings at rest" in remark for remark in found.remarks)
+
+
+@pytest.mark.parametrize(
+    ("factor", "other", "said"),
+    [
+        (1.0, 0.01, ""),
+        (math.pi / 180.0, 0.0, "near 1/57.3"),
+        (180.0 / math.pi, 0.0, "near 57.3"),
+        (-1.0, 0.0, "the sign of its rates, or of its readings, is wrong"),
+        (2e-28, 0.0, "it does not move as it was turned"),
+        (0.01, 0.98, "0.98 by y: the axis does not move, or is another one"),
+    ],
+)
+def test_a_gain_that_no_sensor_has_is_told(factor, other, said):
+    """Of its own rate, in the same unit, with the same sign; else what may have happened."""
+    gains = {"x": Figure(value=factor, unit="1"), "y": Figure(value=other, unit="1")}
+    (gate,) = implausible([Response(axis="x", temperature=25.0, low=25.0, high=25.0, gains=gains)])
+    assert gate.ok is (not said)
+    assert said in gate.reason
+
+
+@pytest.mark.parametrize("degree", [1, 2, 3])
+def test_a_degree_that_is_given_is_used(degree):
+    """Up to one below the number of temperatures; how it was chosen is told."""
+    found = fit(TEMPERATURES, [figure(0.1 * place) for place in range(4)], degree=degree)
+    assert (found.polynomial.degree, found.chosen) == (degree, "given")
+    with pytest.raises(Refused, match="is not between 1 and 2 for 3 temperatures"):
+        fit(TEMPERATURES[:3], [figure(0.1)] * 3, degree=3)
+
+
+def test_an_outlier_is_named_and_a_point_that_decides_alone():
+    """One of twenty points by 50 uncertainties; and one that is far from all others."""
+    noise = 0.01 * np.random.default_rng(5).standard_normal(20)
+    where = np.repeat(np.linspace(0.0, 40.0, 5), 4)
+    values = [figure(value) for value in (0.01 * where + noise).tolist()]
+    assert fit(where, values).outliers == ()
+    values[7] = figure(values[7].value + 0.5)
+    found = fit(where, values)
+    assert found.outliers == (7,)
+    assert "outlier at 10 degC (point 8)" in found.remark
+    far = fit([0.0, 0.1, 0.2, 0.3, 40.0], [figure(0.1 + 0.001 * place) for place in (1, -1, 1, -1, 3)])
+    assert "the point at 40 degC decides the polynomial there alone" in far.remark
+    assert far.leverage[-1] > 0.99
+
+
+def test_residuals_that_follow_the_temperature_are_told():
+    """A parabola, fitted by a line with too generous uncertainties: chi-square says nothing, the runs do."""
+    where = np.linspace(-20.0, 40.0, 24)
+    found = fit(where, [figure(1e-5 * (each - 10.0) ** 2) for each in where.tolist()], degree=1)
+    assert found.consistent
+    assert found.runs < 1e-4
+    assert "the residuals still follow the temperature" in found.remark
+    alternating = fit(where, [figure(0.01 * (-1) ** place) for place in range(24)], degree=1)
+    assert alternating.runs > 0.5
+
+
+def test_what_readings_share_is_in_the_bias_and_nowhere_else():
+    """The Earth along the table's axis is common to a mounting; a walk is certain at its start; flicker falls off."""
+    given = [
+        Reading(temperature=25.0, means={}, at=at, mounting=mounting)
+        for at, mounting in ((0.0, "x"), (100.0, "x"), (400.0, "y"))
+    ]
+    assert Slow(earth=2.0).covariance(given, "x").tolist() == [[4.0, 4.0, 0.0], [4.0, 4.0, 0.0], [0.0, 0.0, 4.0]]
+    walk = Slow(random_walk=0.1).covariance(given, "x")
+    assert walk == pytest.approx(np.array([[0.0, 0.0, 0.0], [0.0, 1.0, 1.0], [0.0, 1.0, 4.0]]))
+    flicker = Slow(flicker=0.1).covariance(given, "x")
+    assert flicker[0, 0] > flicker[0, 1] > flicker[0, 2] > 0.0
+    assert np.linalg.eigvalsh(flicker).min() > 0.0

@@ -42,7 +42,13 @@ def test_json_is_one_document_with_the_truth_of_the_simulation():
     scale = document["calibration"]["axes"]["z"]["scale"]
     assert abs(scale["coefficients"][1] + 0.0005) < 4.0 * scale["covariance"][1][1] ** 0.5
     assert document["scale"]["x"]["candidates"][0]["aicc"] is None
-    assert {"temperature", "value", "residual"} == set(document["bias"]["y"]["points"][0])
+    assert {"temperature", "value", "residual", "leverage", "deviation"} == set(document["bias"]["y"]["points"][0])
+
+
+def test_the_degree_can_be_given():
+    """It is used for the bias, and told with how it was chosen."""
+    assert "x: bias(T), degree 2 about 25 degC, given" in run(TABLE, *ALL, "--degree", "2").stdout
+    assert "x: bias(T), degree 1 about 25 degC, chosen by " in run(TABLE, *ALL).stdout
 
 
 def test_exports_are_written_and_read_back(tmp_path):
@@ -64,6 +70,20 @@ def test_kelvin_is_doubted_and_nothing_is_exported(tmp_path):
     result = CliRunner().invoke(command, asked, standalone_mode=False, catch_exceptions=False)
     assert result.return_value == 1
     assert "as of kelvin" in " ".join(result.stdout.split())
+    assert not (tmp_path / "c.json").exists()
+
+
+def test_rates_of_the_wrong_sign_are_doubted_and_nothing_is_exported(tmp_path):
+    """The gate names axis and sign; no file is written, and the exit code is 1."""
+    head, *lines = Path(TABLE).read_text(encoding="utf-8").splitlines()
+    table = tmp_path / "sign.csv"
+    turned = (line.split(",") for line in lines)
+    rows = [",".join([*row[:4], *(f"{-float(each):g}" for each in row[4:7]), *row[7:]]) for row in turned]
+    table.write_text("\n".join([head, *rows]), encoding="utf-8")
+    asked = ["gyroscope-temperature", str(table), *ALL, "--export", str(tmp_path / "c.json")]
+    result = CliRunner().invoke(command, asked, standalone_mode=False, catch_exceptions=False)
+    assert result.return_value == 1
+    assert "gain of x: " in " ".join(result.stdout.split())
     assert not (tmp_path / "c.json").exists()
 
 

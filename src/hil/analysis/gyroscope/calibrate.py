@@ -51,6 +51,7 @@ def calibrate(
     slow: Slow | None = None,
     mounting_uncertainty: float = 0.0,
     margin: float = 0.0,
+    degree: int | None = None,
 ) -> CalibrationReport:
     """Fit bias, scale and alignment over temperature.
 
@@ -73,6 +74,7 @@ def calibrate(
         slow: what the readings do not show by their scatter and have in common, in part.
         mounting_uncertainty: standard uncertainty of the angle between a sensor's axis, as it is mounted, and the
             table's axis, towards each of the other axes, in rad.
+        degree: of bias and scale, 1 to 3, where the temperatures of a scale are enough for it; None to choose.
         margin: by how many kelvin the calibration may be used beyond the lowest and the highest temperature measured.
 
     Raises:
@@ -84,9 +86,9 @@ def calibrate(
     unit = _unit(readings, names)
     resting = [reading for reading in readings if not reading.turning]
     common = {name: (slow or Slow()).covariance(resting, name) for name in names}
-    bias = {name: _bias(name, resting, reference, common[name], bias_uncertainty) for name in names}
+    bias = {name: _bias(name, resting, reference, common[name], bias_uncertainty, degree) for name in names}
     found = responses(readings, slow)
-    scale = {name: _scale(name, found, reference, rate_uncertainty) for name in names}
+    scale = {name: _scale(name, found, reference, rate_uncertainty, degree) for name in names}
     scaled = {name: each for name, each in scale.items() if each is not None}
     alignment, uncertainty, dof = _alignment(names, found, scaled, mounting_uncertainty)
     axes = {
@@ -104,7 +106,7 @@ def calibrate(
         bias=bias,
         scale=scaled,
         responses=found,
-        remarks=_remarks(names, bias, scaled, calibration),
+        remarks=(*_one_way(found), *_remarks(names, bias, scaled, calibration)),
     )
 
 
@@ -124,24 +126,31 @@ def _fitted(
     points: Sequence[Reading | Response],
     values: list[Figure],
     reference: float,
-    common: _Array | None = None,
+    common: _Array | None,
+    degree: int | None,
 ) -> Fit:
     try:
-        return fit([point.temperature for point in points], values, reference=reference, shared=common)
+        return fit([point.temperature for point in points], values, reference=reference, shared=common, degree=degree)
     except Refused as error:
         raise Refused(f"{what} of axis {name}: {error.message}", error.hint) from None
 
 
-def _bias(name: str, resting: Sequence[Reading], reference: float, common: _Array, shared: float) -> Fit:
-    fitted = _fitted("bias", name, resting, [reading.means[name] for reading in resting], reference, common)
+def _bias(
+    name: str, resting: Sequence[Reading], reference: float, common: _Array, shared: float, degree: int | None
+) -> Fit:
+    means = [reading.means[name] for reading in resting]
+    fitted = _fitted("bias", name, resting, means, reference, common, degree)
     return _with_shared(fitted, (shared, *(0.0,) * (len(fitted.polynomial.coefficients) - 1)))
 
 
-def _scale(name: str, found: Sequence[Response], reference: float, rate_uncertainty: float) -> Fit | None:
+def _scale(
+    name: str, found: Sequence[Response], reference: float, rate_uncertainty: float, degree: int | None
+) -> Fit | None:
     own = [response for response in found if response.axis == name]
     if not own:
         return None
-    fitted = _fitted("scale", name, own, [_inverse(response.gains[name]) for response in own], reference)
+    most = None if degree is None else max(1, min(degree, len({response.temperature for response in own}) - 1))
+    fitted = _fitted("scale", name, own, [_inverse(response.gains[name]) for response in own], reference, None, most)
     low, high = min(response.low for response in own), max(response.high for response in own)
     polynomial = replace(fitted.polynomial, low=low, high=high)
     together = tuple(rate_uncertainty * each for each in polynomial.coefficients)
@@ -214,6 +223,14 @@ def _matrix(values: _Array) -> Matrix:
 
 def _identity(size: int) -> Matrix:
     return _matrix(np.eye(size))
+
+
+def _one_way(found: Sequence[Response]) -> tuple[str, ...]:
+    axes = dict.fromkeys(each.axis for each in found if each.one_way)
+    return tuple(
+        f"scale of axis {axis}: from one direction and readings at rest, as if the other direction had the same gain"
+        for axis in axes
+    )
 
 
 def _remarks(

@@ -22,6 +22,8 @@ MOST_DEGREE = 3
 """The highest degree that is offered."""
 
 _UNLIKELY = 0.01  # a misfit this improbable is an error of the model, and widens the uncertainties
+_ALONE = 0.95  # leverage from which no other point has a say
+_FEWEST_LEFT = 3  # degrees of freedom from which scatter tells an outlier
 _REJECTED = 1e-3  # one this improbable rejects the degree where a higher one fits
 
 
@@ -56,6 +58,12 @@ class Fit:
         value: fitted values, shape (n,).
         residual: value minus polynomial, shape (n,).
         candidates: all degrees that the points allow.
+        chosen: how the degree was chosen.
+        leverage: by how much each point decides what the polynomial is at it, 0 to 1, shape (n,).
+        deviation: residual over its own standard deviation, shape (n,), in the values' unit where uncertainties are
+            unknown; NaN where a point alone decides.
+        outliers: places of points that stand out by more than chance explains in one of a hundred tables.
+        runs: probability of residuals that change sign as seldom as these, in order of temperature; NaN if unknown.
         consistent: whether the points scatter as their uncertainties say; where not, the covariance is scaled up.
         remark: what a reader must know, else empty.
     """
@@ -65,6 +73,11 @@ class Fit:
     value: _Array
     residual: _Array
     candidates: tuple[Candidate, ...]
+    chosen: str
+    leverage: _Array
+    deviation: _Array
+    outliers: tuple[int, ...]
+    runs: float
     consistent: bool
     remark: str
 
@@ -116,16 +129,16 @@ def fit(
     highest = max(1, min(MOST_DEGREE, distinct - 2))
     if degree is not None:
         highest = min(MOST_DEGREE, distinct - 1)
-        if not 0 <= degree <= highest:
-            told = f"degree {degree} is not between 0 and {highest}"
+        if not 1 <= degree <= highest:
+            told = f"degree {degree} is not between 1 and {highest}"
             raise Refused(
                 f"{told} for {distinct} temperatures", "choose a lower degree, or measure at more temperatures"
             )
-    candidates = tuple(_candidate(points, each) for each in range(1, max(highest, degree or 0) + 1))
+    candidates = tuple(_candidate(points, each) for each in range(1, max(highest, degree or 1) + 1))
     if degree is not None:
-        best = _candidate(points, degree)
-        return _chosen(points, best, candidates if degree else (best, *candidates), reference=reference)
-    return _chosen(points, _preferred(candidates), candidates, reference=reference)
+        return _chosen(points, candidates[degree - 1], candidates, reference=reference, how="given")
+    best, how = _preferred(candidates)
+    return _chosen(points, best, candidates, reference=reference, how=how)
 
 
 class _Points:
@@ -197,22 +210,34 @@ def _aicc(chi_square: float, points: int, coefficients: int, *, known: bool) -> 
     return likelihood + 2.0 * parameters + 2.0 * parameters * (parameters + 1) / left
 
 
-def _preferred(candidates: tuple[Candidate, ...]) -> Candidate:
+def _preferred(candidates: tuple[Candidate, ...]) -> tuple[Candidate, str]:
     validated = min(candidates, key=lambda each: each.cross_validation)
     informed = min(candidates, key=lambda each: each.aicc)
-    best = validated if math.isinf(informed.aicc) else min(validated, informed, key=lambda each: each.degree)
+    best, how = validated, "chosen by leave-one-out"
+    if not math.isinf(informed.aicc):
+        best = min(validated, informed, key=lambda each: each.degree)
+        same = validated.degree == informed.degree
+        how = (
+            "chosen by leave-one-out and AICc"
+            if same
+            else f"chosen by {'AICc' if best is informed else 'leave-one-out'}"
+        )
     if best.tail < _REJECTED:
         fitting = [each for each in candidates if each.degree > best.degree and each.tail >= _REJECTED]
-        best = fitting[0] if fitting else best
-    return best
+        best, how = (fitting[0], "the lowest whose chi-square is probable") if fitting else (best, how)
+    return (best, how) if len(candidates) > 1 else (best, "the only one that the points allow")
 
 
-def _chosen(points: _Points, best: Candidate, candidates: tuple[Candidate, ...], *, reference: float) -> Fit:
+def _chosen(points: _Points, best: Candidate, candidates: tuple[Candidate, ...], *, reference: float, how: str) -> Fit:
     plain = points.design(best.degree)
     estimator = np.linalg.pinv(points.whiten @ plain) @ points.whiten
     coefficients = estimator @ points.data
     left = points.data.size - best.degree - 1
     consistent = not best.tail < _UNLIKELY
+    residual = points.data - plain @ coefficients
+    leverage, deviation = _influence(points, plain, residual)
+    scatter = math.nan if points.known and consistent else best.chi_square
+    outliers, runs = _outliers(points, deviation, left, scatter), _runs(points.where, residual, best.degree)
     covariance, dof = _covariance(points, plain, estimator)
     if not (points.known and consistent):
         scale = best.chi_square / left if left else math.nan
@@ -230,11 +255,91 @@ def _chosen(points: _Points, best: Candidate, candidates: tuple[Candidate, ...],
         polynomial=polynomial,
         temperature=points.where,
         value=points.data,
-        residual=points.data - plain @ coefficients,
+        residual=residual,
         candidates=candidates,
+        chosen=how,
+        leverage=leverage,
+        deviation=deviation,
+        outliers=outliers,
+        runs=runs,
         consistent=consistent,
-        remark=_remark(best, left, consistent=consistent),
+        remark="; ".join(
+            [*_remarks(best, left, consistent=consistent), *_told(points.where, leverage, outliers, runs)]
+        ),
     )
+
+
+def _influence(points: _Points, plain: _Array, residual: _Array) -> tuple[_Array, _Array]:
+    """Return leverages, and residuals over their own standard deviations; each point against all the others.
+
+    With M = C^-1 - C^-1 X Phi X' C^-1 they are 1 - M_ii / (C^-1)_ii and (C^-1 e)_i / sqrt(M_ii). Where uncertainties
+    are unknown, the deviations are in the values' unit.
+    """
+    inverse = points.whiten.T @ points.whiten
+    weights = inverse @ plain
+    own = np.diag(inverse) - np.einsum("ij,jk,ik->i", weights, np.linalg.pinv(plain.T @ weights), weights)
+    leverage = 1.0 - own / np.diag(inverse)
+    free = leverage < 1.0 - 1e-9
+    deviation = np.full(residual.size, math.nan)
+    deviation[free] = (inverse @ residual)[free] / np.sqrt(own[free])
+    return leverage, deviation * (_fair(points.values) if points.known else 1.0)
+
+
+def _outliers(points: _Points, deviation: _Array, left: int, scatter: float) -> tuple[int, ...]:
+    """Return points that chance puts so far off in one table of a hundred.
+
+    Args:
+        points: the points.
+        deviation: of each from what the others say.
+        left: degrees of freedom.
+        scatter: sum of squared residuals if their scatter has to stand for the uncertainties, else NaN.
+    """
+    from scipy.special import stdtr  # noqa: PLC0415 - scipy is slow to import
+
+    dof = np.array([min(figure.dof, 1e6) for figure in points.values])
+    if not math.isnan(scatter):
+        if left < _FEWEST_LEFT:
+            return ()
+        rest = np.clip(scatter - np.square(deviation), 1e-12 * scatter, None)
+        deviation, dof = deviation * np.sqrt((left - 1) / rest), np.full(deviation.size, left - 1.0)
+    tail = 2.0 * stdtr(dof, -np.abs(np.nan_to_num(deviation)))
+    return tuple(np.flatnonzero(tail * deviation.size < _UNLIKELY).tolist())
+
+
+def _runs(where: _Array, residual: _Array, degree: int) -> float:
+    """Return the probability of so few runs of one sign (Wald and Wolfowitz 1940), in order of temperature."""
+    signs = residual[np.argsort(where, kind="stable")] > 0.0
+    above, below = int(signs.sum()), int((~signs).sum())
+    if min(above, below) <= degree:
+        return math.nan
+    found = 1 + int(np.count_nonzero(signs[1:] != signs[:-1]))
+    ways = 0
+    for runs in range(2, found + 1):
+        half, odd = divmod(runs, 2)
+        one, other = (math.comb(above - 1, half - 1), math.comb(below - 1, half - 1))
+        if odd:
+            ways += one * math.comb(below - 1, half) + math.comb(above - 1, half) * other
+        else:
+            ways += 2 * one * other
+    return ways / math.comb(above + below, above)
+
+
+def _told(where: _Array, leverage: _Array, outliers: tuple[int, ...], runs: float) -> list[str]:
+    told = []
+    if outliers:
+        at = ", ".join(f"{where[place]:g} degC (point {place + 1})" for place in outliers)
+        told.append(f"outlier at {at}: look at its recording before you leave it out")
+    if where.size > 2 and (alone := np.flatnonzero(leverage > _ALONE)).size and alone.size < where.size:
+        at = ", ".join(f"{where[place]:g} degC" for place in alone)
+        told.append(
+            f"the point at {at} decides the polynomial there alone (leverage above {_ALONE:g}): measure it again"
+        )
+    if runs < _UNLIKELY:
+        told.append(
+            f"the residuals still follow the temperature (runs of one sign, probability {runs:.1g}): "
+            "try a higher degree, or look for hysteresis"
+        )
+    return told
 
 
 def _covariance(points: _Points, plain: _Array, estimator: _Array) -> tuple[_Array, float]:
@@ -253,12 +358,10 @@ def _covariance(points: _Points, plain: _Array, estimator: _Array) -> tuple[_Arr
     return np.asarray(covariance, dtype=np.float64), min(freedom)
 
 
-def _remark(best: Candidate, left: int, *, consistent: bool) -> str:
+def _remarks(best: Candidate, left: int, *, consistent: bool) -> list[str]:
     if not left:
-        return "as many coefficients as points: nothing checks the line; measure at more temperatures"
+        return ["as many coefficients as points: nothing checks the line; measure at more temperatures"]
     if not consistent:
-        return (
-            f"the points scatter more than their uncertainties say (probability {best.tail:.1g}): "
-            "the uncertainties are scaled up; look for hysteresis, or measure at more temperatures"
-        )
-    return ""
+        more = f"the points scatter more than their uncertainties say (probability {best.tail:.1g})"
+        return [f"{more}: the uncertainties are scaled up; look for hysteresis, or measure at more temperatures"]
+    return []

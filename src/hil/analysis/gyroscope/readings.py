@@ -10,16 +10,19 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hil.analysis.gates import Gate, factor_of
 from hil.analysis.tracing import traced
 from hil.model.errors import Refused
 from hil.model.figure import Figure, effective_dof
 
-__all__ = ["Reading", "Response", "Slow", "reading", "responses", "rippling"]
+__all__ = ["Reading", "Response", "Slow", "implausible", "reading", "responses", "rippling"]
 
 _Array: TypeAlias = NDArray[np.float64]
 
 _FOR_GOOD = 86400.0  # s: what flickers slower counts as part of the bias
 _SHORTEST = 5.0  # s: e^-1.5 of 20 s, which is what averaging leaves; of a minute it makes the variance 10 % too large
+_UNLIKE = 2.0  # a gain above this, or below one over it, is no tolerance of a sensor
+_OTHER = 2.0  # times the own gain: another axis responds
 _TOGETHER = 2.0  # K: rates measured within this share one temperature
 
 
@@ -141,6 +144,7 @@ class Response:
         low: lowest temperature of the readings, in degC.
         high: highest temperature of the readings, in degC.
         gains: change of each axis' reading per true rate, in unit 1; the biases cancel.
+        one_way: whether the table turned in one direction only, and readings at rest stand for the bias.
     """
 
     axis: str
@@ -148,22 +152,27 @@ class Response:
     low: float
     high: float
     gains: Mapping[str, Figure]
+    one_way: bool = False
 
 
 def responses(readings: Sequence[Reading], slow: Slow | None = None) -> tuple[Response, ...]:
     """Return the response about each axis at each temperature, in order of axis and temperature.
 
     Readings about one axis within 2 K belong together. With r the true rates and m the readings, the gain is the slope
-    of m over r, with a free intercept, by weighted least squares; for two opposite rates (m+ - m-) / (r+ - r-).
+    of m over r, with a free intercept, by weighted least squares; for two opposite rates (m+ - m-) / (r+ - r-). Where
+    all rates of a group have one sign, readings at rest within 2 K take part with the rate 0: then the gain of the
+    other direction is assumed to be the same, and the bias that of rest.
 
     Args:
         readings: with `at` where the bias wanders.
         slow: what they have in common. Where that changes from one rate to the next, it is not the sensor's response.
 
     Raises:
-        Refused: a reading turns about several axes, or a temperature lacks positive or negative rates.
+        Refused: a reading turns about several axes, or a temperature has rates in one direction only
+            and no reading at rest.
     """
     groups: dict[str, list[list[Reading]]] = {}
+    resting = [reading for reading in readings if not reading.turning]
     for reading in sorted(readings, key=lambda each: each.temperature):
         if len(reading.turning) > 1:
             raise Refused(
@@ -176,23 +185,56 @@ def responses(readings: Sequence[Reading], slow: Slow | None = None) -> tuple[Re
                 found[-1].append(reading)
             else:
                 found.append([reading])
-    return tuple(_response(axis, group, slow or Slow()) for axis in groups for group in groups[axis])
+    return tuple(_response(axis, group, resting, slow or Slow()) for axis in groups for group in groups[axis])
 
 
-def _response(axis: str, group: list[Reading], slow: Slow) -> Response:
-    rates = np.array([reading.rates[axis] for reading in group])
+def _response(axis: str, group: list[Reading], resting: list[Reading], slow: Slow) -> Response:
     temperatures = [reading.temperature for reading in group]
     temperature = float(np.mean(temperatures))
-    if not (rates.min() < 0.0 < rates.max()):
-        raise Refused(
-            f"axis {axis} turned in one direction only near {temperature:g} degC",
-            "measure positive and negative rates at each temperature, so that the bias cancels",
-        )
+    signs = {reading.rates[axis] > 0.0 for reading in group}
+    if len(signs) == 1:
+        still = [reading for reading in resting if abs(reading.temperature - temperature) <= _TOGETHER]
+        if not still:
+            raise Refused(
+                f"axis {axis} turned in one direction only near {temperature:g} degC, and no reading at rest is there",
+                "measure positive and negative rates at each temperature, or at rest as well, so that the bias cancels",
+            )
+        group = [*group, *still]
+    rates = np.array([reading.rates.get(axis, 0.0) for reading in group])
     gains = {
         name: _slope(rates, [reading.means[name] for reading in group], slow.covariance(group, name))
         for name in group[0].means
     }
-    return Response(axis=axis, temperature=temperature, low=min(temperatures), high=max(temperatures), gains=gains)
+    low, high = min(temperatures), max(temperatures)
+    return Response(axis=axis, temperature=temperature, low=low, high=high, gains=gains, one_way=len(signs) == 1)
+
+
+def implausible(found: Sequence[Response]) -> tuple[Gate, ...]:
+    """Ask every axis that turned whether its gain can be one: of its own rate, in the same unit, with the same sign.
+
+    A gain between 0.5 and 2 is one that a sensor may have. Another one is named where it is that of radians and
+    degrees, or of a thousandth.
+    """
+    return tuple(_asked(axis, found) for axis in dict.fromkeys(each.axis for each in found))
+
+
+def _asked(axis: str, found: Sequence[Response]) -> Gate:
+    gains = {
+        name: float(np.median([each.gains[name].value for each in found if each.axis == axis]))
+        for name in found[0].gains
+    }
+    own, most = gains[axis], max(gains, key=lambda name: abs(gains[name]))
+    reason = f"{own:.4g} of its rate is read"
+    factor = factor_of(abs(own)) or factor_of(1.0 / abs(own) if own else math.inf)
+    if most != axis and abs(gains[most]) > max(_OTHER * abs(own), 1.0 / _UNLIKE):
+        reason += f", and {gains[most]:.4g} by {most}: the axis does not move, or is another one"
+    elif abs(own) < 1.0 / _UNLIKE or abs(own) > _UNLIKE:
+        reason += f", {factor}" if factor else ": it does not move as it was turned, or its unit is another one"
+    elif own < 0.0:
+        reason += ": the sign of its rates, or of its readings, is wrong"
+    else:
+        return Gate(name="gain", channel=axis, ok=True, reason=reason)
+    return Gate(name="gain", channel=axis, ok=False, reason=reason)
 
 
 def _slope(rates: _Array, means: Sequence[Figure], wandering: _Array) -> Figure:

@@ -51,6 +51,12 @@ class _Columns:
     help="Temperature about which the polynomials are expanded.",
 )
 @click.option(
+    "--degree",
+    type=click.IntRange(1, 3),
+    metavar="N",
+    help="Degree of the polynomials, 1 to 3; by default the data choose it.",
+)
+@click.option(
     "--rate-uncertainty", type=float, default=0.0, metavar="U", help="Relative uncertainty of the table's rates."
 )
 @click.option(
@@ -73,6 +79,7 @@ def gyroscope_temperature(  # noqa: PLR0913 - one argument per option
     uncertainty: float | None,
     unit: str,
     reference: float,
+    degree: int | None,
     rate_uncertainty: float,
     margin: float,
     plot: Path | None,
@@ -83,7 +90,7 @@ def gyroscope_temperature(  # noqa: PLR0913 - one argument per option
     """Calibrate bias, scale and alignment over temperature from the table of means in FILE.
 
     Each row is the mean reading of all axes at one temperature, at rest or at one true rate about one
-    axis. Bias and scale become polynomials of temperature whose degree the data choose:
+    axis. Bias and scale become polynomials of temperature whose degree you or the data choose:
     rate = scale(T) * (measured - bias(T)). What is exported is read back, and must reproduce the table.
     If a gate speaks against the table, nothing is exported, and the exit code is 1.
 
@@ -93,6 +100,7 @@ def gyroscope_temperature(  # noqa: PLR0913 - one argument per option
         --temperature temperature --means x,y,z --rates rate_x,rate_y,rate_z --uncertainties ux,uy,uz
     """  # noqa: D301 - click reads \b
     from hil.analysis.gyroscope.calibrate import calibrate  # noqa: PLC0415 - start-up stays light
+    from hil.analysis.gyroscope.readings import implausible  # noqa: PLC0415 - start-up stays light
     from hil.cli.analyses import gyroscope_text  # noqa: PLC0415 - start-up stays light
 
     if uncertainties and uncertainty is not None:
@@ -106,9 +114,9 @@ def gyroscope_temperature(  # noqa: PLR0913 - one argument per option
         uncertainty=uncertainty,
     )
     readings = _readings(file, columns, names, unit)
-    report = calibrate(readings, reference=reference, rate_uncertainty=rate_uncertainty, margin=margin)
+    report = calibrate(readings, reference=reference, rate_uncertainty=rate_uncertainty, margin=margin, degree=degree)
     _checked(report)
-    gates = _gates(readings)
+    gates = (*_gates(readings), *implausible(report.responses))
     doubted = any(gate.ok is False for gate in gates)
     if not doubted:
         _write(report, export, c_header)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import math
 
+import numpy as np
+
 from hil.analysis.gates import Gate
 from hil.analysis.gyroscope.calibrate import CalibrationReport
 from hil.analysis.gyroscope.calibration import Calibration, Polynomial
@@ -18,7 +20,7 @@ from hil.report.tables import aligned, fitting
 __all__ = ["as_json", "as_text"]
 
 _CANDIDATES = ("degree", "leave-one-out", "AICc", "chi-square", "probability", "")
-_POINTS = ("T [degC]", "value", "residual")
+_POINTS = ("T [degC]", "value", "residual", "leverage", "deviation", "")
 
 
 def as_json(file: str, readings: int, report: CalibrationReport, gates: tuple[Gate, ...]) -> str:
@@ -39,22 +41,28 @@ def as_json(file: str, readings: int, report: CalibrationReport, gates: tuple[Ga
 
 
 def _fit(fitted: Fit) -> dict[str, object]:
-    columns = (fitted.temperature.tolist(), fitted.value.tolist(), fitted.residual.tolist())
+    names = ("temperature", "value", "residual", "leverage", "deviation")
+    columns = [map(_number, getattr(fitted, name).tolist()) for name in names]
     return {
         "degree": len(fitted.polynomial.coefficients) - 1,
+        "chosen": fitted.chosen,
+        "outliers": [place + 1 for place in fitted.outliers],
+        "runs": _number(fitted.runs),
         "consistent": fitted.consistent,
         "remark": fitted.remark,
         "candidates": [_candidate(each) for each in fitted.candidates],
-        "points": [
-            dict(zip(("temperature", "value", "residual"), row, strict=True)) for row in zip(*columns, strict=True)
-        ],
+        "points": [dict(zip(names, row, strict=True)) for row in zip(*columns, strict=True)],
     }
+
+
+def _number(number: float) -> float | None:
+    return number if math.isfinite(number) else None
 
 
 def _candidate(candidate: Candidate) -> dict[str, float | None]:
     names = ("degree", "cross_validation", "aicc", "chi_square", "tail")
     numbers = {name: getattr(candidate, name) for name in names}
-    return {name: number if math.isfinite(number) else None for name, number in numbers.items()}
+    return {name: _number(number) for name, number in numbers.items()}
 
 
 def as_text(file: str, readings: int, report: CalibrationReport, gates: tuple[Gate, ...]) -> str:
@@ -77,7 +85,7 @@ def as_text(file: str, readings: int, report: CalibrationReport, gates: tuple[Ga
 def _part(title: str, fitted: Fit) -> list[str]:
     polynomial = fitted.polynomial
     degree = len(polynomial.coefficients) - 1
-    lines = [f"{title}, degree {degree} about {polynomial.reference:g} degC"]
+    lines = [f"{title}, degree {degree} about {polynomial.reference:g} degC, {fitted.chosen}"]
     lines += [f"  c{power}  {stated(figure)}" for power, figure in enumerate(_coefficients(polynomial))]
     candidates = [
         (
@@ -88,9 +96,18 @@ def _part(title: str, fitted: Fit) -> list[str]:
         for each in fitted.candidates
     ]
     lines += aligned(candidates, head=_CANDIDATES, right=range(5), indent="  ")
-    rows = zip(fitted.temperature.tolist(), fitted.value.tolist(), fitted.residual.tolist(), strict=True)
-    points = [(f"{where:.2f}", f"{value:.6g}", f"{residual:.3g}") for where, value, residual in rows]
-    return lines + aligned(points, head=_POINTS, right=range(3), indent="  ")
+    columns = (fitted.temperature, fitted.value, fitted.residual, fitted.leverage, fitted.deviation)
+    points = [
+        (f"{where:.2f}", f"{value:.6g}", f"{residual:.3g}", f"{leverage:.2f}", _cell(deviation), mark)
+        for (where, value, residual, leverage, deviation), mark in zip(
+            np.column_stack(columns).tolist(), _marks(fitted), strict=True
+        )
+    ]
+    return lines + aligned(points, head=_POINTS, right=range(5), indent="  ")
+
+
+def _marks(fitted: Fit) -> list[str]:
+    return ["outlier" if place in fitted.outliers else "" for place in range(fitted.value.size)]
 
 
 def _cell(number: float) -> str:
