@@ -28,6 +28,7 @@ WITHIN = 4.0  # standard uncertainties: beyond it a value is wrong
 COUNT, RATE, SIGMA = 4000, 100.0, 0.1
 TRUTH = SIGMA / math.sqrt(RATE)  # white noise in deg/s/sqrt(Hz)
 ALLAN = ("allan", "FILE", "--time", "1", "--unit", "deg/s")
+PSD = ("psd", *ALLAN[1:])
 UNTIMED = ("allan", "FILE", "--rate", "100", "--unit", "deg/s")
 
 
@@ -567,6 +568,94 @@ def zeros():
 @kind("clipped at one standard deviation, counts of half of one")
 def clipped_counts():
     return table(times(20000), np.rint(np.clip(noise(20000) - 0.05, -0.1, 0.1) / 0.05) * 0.05)
+
+
+# Spectra
+
+
+@kind("a spectrum of even timestamps", PSD)
+def psd_even():
+    return table(times(), noise())
+
+
+@kind("a spectrum with 952 Hz in whole milliseconds", PSD, SIGMA / math.sqrt(952.0))
+def psd_rounded():
+    return table(np.round(times(rate=952.0), 3), noise())
+
+
+@kind("a spectrum with a sine of ten times the noise, and its harmonic", PSD)
+def psd_lines():
+    angle = 2.0 * np.pi * 7.03 * times()
+    return table(times(), noise() + np.sin(angle) + 0.3 * np.sin(2.0 * angle))
+
+
+@kind("a spectrum with a drift of five times the noise", PSD)
+def psd_drift():
+    return table(times(), noise() + 0.5 * times() / times()[-1])
+
+
+@kind("a spectrum behind a filter of 20 Hz that nobody told", PSD)
+def psd_filtered():
+    from scipy import signal  # noqa: PLC0415 - slow to import
+
+    return table(times(40_000), signal.lfilter(*signal.butter(2, 20.0, fs=RATE), noise(40_000)))
+
+
+@kind("a spectrum with 4 % of the samples NaN", PSD)
+def psd_nan():
+    return table(times(), np.where(np.random.default_rng(3).random(COUNT) < 0.04, np.nan, noise()))
+
+
+@kind("a spectrum with a gap as long as the record", PSD)
+def psd_gap():
+    return table(times() + 40.0 * (np.arange(COUNT) >= 2000), noise())
+
+
+@kind("a spectrum with an eighth of the samples missing: no segment is whole", PSD)
+def psd_sparse():
+    kept = np.random.default_rng(4).random(COUNT) > 0.125
+    return table(times()[kept], noise()[kept])
+
+
+@kind("a spectrum of milliseconds, taken for seconds because nobody typed the unit", PSD)
+def psd_ms():
+    return table(times() * 1e3, noise())
+
+
+@kind("a spectrum with one spike of a thousand standard deviations", PSD)
+def psd_spike():
+    values = noise()
+    values[1234] = 100.0
+    return table(times(), values)
+
+
+@kind("a spectrum of a column that never moves", PSD, truth=None)
+def psd_constant():
+    return table(times(), np.full(COUNT, 17.937))
+
+
+@kind("a spectrum of twenty samples", PSD, truth=None)
+def psd_short():
+    return table(times(20), noise(20))
+
+
+@kind("a spectrum of numbers near 1e60", PSD, 1e60 * TRUTH)
+def psd_huge():
+    return table(times(), noise() * 1e60)
+
+
+@kind("a spectrum with a bandwidth beyond half of the rate", (*PSD, "--bandwidth", "300"))
+def psd_aliased():
+    return table(times(), noise())
+
+
+@kind(
+    "a spectrum in rad/s where the data sheet has deg/s",
+    (*PSD, "--density", "14.1", "mdeg/s/sqrt(Hz)"),
+    TRUTH,
+)
+def psd_radians():
+    return table(times(), noise() * math.pi / 180)
 
 
 # Gyroscope over temperature

@@ -143,8 +143,9 @@ def spectrum(data: ArrayLike, rate: float, *, unit: str = "1", how: Welch = _USU
     values = np.asarray(data, dtype=np.float64)
     if values.ndim != 1 or values.size < _LEAST:
         raise Refused(f"data of shape {values.shape} have no spectrum", f"give a row of {_LEAST} samples or more")
-    missing = np.isnan(values).sum()
-    if not np.isfinite(values.min() + values.max()) and not (holes and np.isfinite(values[~np.isnan(values)]).all()):
+    whole = math.isfinite(float(values.min()) + float(values.max()))
+    missing = 0 if whole else int(np.isnan(values).sum())
+    if not whole and not (holes and np.isfinite(values[~np.isnan(values)]).all()):
         raise Refused("the data are not all finite", "leave such samples out, or say holes=True if they are missing")
     length = _default(values, holes=bool(missing)) if how.segment is None else how.segment
     if not 4 <= length <= values.size:
@@ -163,7 +164,7 @@ def spectrum(data: ArrayLike, rate: float, *, unit: str = "1", how: Welch = _USU
     edf = _degrees(how.window, step, count, length)
     low, high = interval(power, edf, how.confidence)
     return Spectrum(
-        unit=unit, rate=float(rate), samples=values.size, missing=int(missing), segment=length, step=step,
+        unit=unit, rate=float(rate), samples=values.size, missing=missing, segment=length, step=step,
         segments=count, window=how.window, detrend=how.detrend, confidence=how.confidence,
         bandwidth=float(rate * np.square(shape).sum() / shape.sum() ** 2),
         frequency=np.arange(power.size, dtype=np.float64) * float(rate / length),

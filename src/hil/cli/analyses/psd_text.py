@@ -77,7 +77,7 @@ def as_json(result: Result, *, points: bool) -> str:
         "status": INCONCLUSIVE if any(axis.doubts for axis in result.axes) else "conclusive",
         "sampling": asdict(log.sampling) if log.sampling else None,
         "remarks": list(log.remarks),
-        "gates": gates_as_json(log.gates),
+        "gates": gates_as_json((*log.gates, *(axis.comparison.gate for axis in result.axes if axis.comparison))),
         "axes": [_axis(axis, points=points) for axis in result.axes],
     }
     return json.dumps(encoded(document), allow_nan=False, indent=2)
