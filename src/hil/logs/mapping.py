@@ -151,6 +151,8 @@ class Mapped:
     def counted(self, quantity: str, seconds: NDArray[np.float64]) -> tuple[NDArray[np.float64] | None, float | None]:
         """Return the instrument's own net count of `charge` or `energy` at each row, and all of it; None without one.
 
+        A counter that never moves is none.
+
         A counter that falls back starts anew: from zero where the row before rests; else the samples stand for what
         flowed between the two rows, which no count holds.
 
@@ -163,19 +165,30 @@ class Mapped:
             return None, None
         current = self.columns["current"]
         size = np.abs(current)
-        rests = size <= _RESTS * float(np.nanpercentile(size, 95.0))
+        rests = size <= _RESTS * _usual(size)
         signs = np.where(rests, np.append(0.0, np.sign(current)[:-1]), np.sign(current))
         ways = [(into, signs)] if out not in self.columns else [(into, np.ones(size.size)), (out, -np.ones(size.size))]
         rate = current if quantity == "charge" else current * self.columns["voltage"]
         passed = np.diff(seconds) * (rate[:-1] + rate[1:]) / 7200.0
         net = np.zeros(size.size)
         for name, way in ways:
-            counter = np.abs(self.columns[name])
+            counter = _held(np.abs(self.columns[name]))
             anew = counter[1:] < _HALF * counter[:-1]
-            sampled = np.clip(way[1:] * passed, 0.0, None)
+            sampled = np.clip(np.nan_to_num(way[1:] * passed), 0.0, None)
             steps = np.where(anew, np.where(rests[:-1], counter[1:], sampled), np.diff(counter))
-            net[1:] += np.cumsum(way[1:] * steps)
-        return net, float(net[-1])
+            net[1:] += np.cumsum(np.nan_to_num(way[1:]) * steps)
+        return (net, float(net[-1])) if net.any() else (None, None)
+
+
+def _usual(size: NDArray[np.float64]) -> float:
+    finite = size[np.isfinite(size)]
+    return float(np.percentile(finite, 95.0)) if finite.size else 0.0
+
+
+def _held(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return values with the one before in place of each that is no number, zero at the beginning."""
+    known = np.maximum.accumulate(np.where(np.isfinite(values), np.arange(values.size), 0))
+    return np.nan_to_num(values[known])
 
 
 def load(path: Path) -> Mapping:
@@ -245,7 +258,7 @@ def _state_of(mapping: Mapping, named: str) -> dict[str, Reading]:
 
 def _scaled(table: Table, names: Keys[str, str], units: Units, remarks: list[str]) -> dict[str, NDArray[np.float64]]:
     """Return the columns in the units that are computed in, with a remark for each whose name says another."""
-    columns = dict(zip(names, table.values.T, strict=True))
+    columns = dict(zip(names, np.where(np.isinf(table.values), np.nan, table.values).T, strict=True))
     quantities = {name: name for name in ("voltage", "current", "temperature")}
     quantities |= dict.fromkeys(("charge", "discharge"), "charge")
     quantities |= dict.fromkeys(("charge_energy", "discharge_energy"), "energy")
@@ -275,7 +288,7 @@ def _directed(columns: dict[str, NDArray[np.float64]]) -> NDArray[np.int64]:
     """Give the current the direction of its state, and return the rows where both contradict each other."""
     state, current = columns["state"], columns["current"]
     size = np.abs(current)
-    flows = size > _RESTS * float(np.nanpercentile(size, 95.0))
+    flows = size > _RESTS * _usual(size)
     wrong = flows & (state == 0.0)
     active = flows & (state != 0.0)
     if (active & (current > 0.0)).any() and (active & (current < 0.0)).any():  # else it is unsigned
@@ -294,8 +307,18 @@ def restarted(
         how: `step` or `run`, see `Mapping`; the stretches are None for a step.
         step: number of the step of each row, None if it is not known.
     """
+    good = np.isfinite(time)
+    if not good.all():
+        found, stretches, remarks = restarted(time[good], how, None if step is None else step[good])
+        whole = np.full(time.size, np.nan)
+        whole[good] = found
+        if stretches is None:
+            return whole, None, remarks
+        places = np.zeros(time.size, dtype=np.int64)
+        places[good] = stretches
+        return whole, np.maximum.accumulate(places), remarks
     steps = np.diff(time)
-    back = np.flatnonzero(steps < 0.0 if step is None or how == "run" else np.diff(step) != 0.0)
+    back = np.flatnonzero(steps < 0.0 if step is None or how == "run" else np.diff(_held(step)) != 0.0)
     if not back.size:
         return time, None, ()
     often = "once" if back.size == 1 else f"{back.size} times"

@@ -248,3 +248,32 @@ def test_a_current_against_its_state_is_doubted(tmp_path):
     swapped = EXAMPLES["Digatron"].replace("CHA", "x").replace("DCH", "CHA").replace("x", "DCH")
     signed = digatron().replace("DCH;", "DCH;").replace(";0,700000", ";-0,700000")
     assert any(reason.startswith("state: ") for reason in analyse(tmp_path, signed, swapped)["reasons"])
+
+
+@pytest.mark.parametrize(
+    ("make", "old", "new"),
+    [("BioLogic", "700,0000", "nan"), ("CALCE", ",-0.700000", ",-inf"), ("Arbin", "0.700000,", "nan,")],
+)
+@pytest.mark.filterwarnings("error")
+def test_rows_without_a_number_are_left_out_and_told(tmp_path, make, old, new):
+    """Infinite and missing numbers in three rows."""
+    found = analyse(tmp_path, MAKES[make]().replace(old, new, 3), EXAMPLES[make])
+    assert "3 rows without a time, voltage, current or cycle are left out" in found["remarks"]
+    assert found["cycles"][-1]["discharge"]["charge"] == pytest.approx(TRUTH, abs=0.7 * 60 / 3600)
+
+
+def test_a_counter_that_never_moves_is_left_out(tmp_path):
+    """It would say that nothing flowed where the current was switched."""
+    text = re.sub(r"^((?:[^\t]*\t){4})\d[^\t]*", r"\g<1>0", maccor(), flags=re.MULTILINE)
+    found = analyse(tmp_path, text, EXAMPLES["Maccor"])
+    assert "the counter of charge never moves: left out" in found["remarks"]
+    assert found["own"]["charge_Ah"] is None
+    assert found["cycles"][0]["discharge"]["charge"] == pytest.approx(TRUTH, abs=0.5 * 0.7 * 60 / 3600)
+
+
+def test_numbers_that_cannot_be_are_refused_with_their_row(tmp_path):
+    """A voltage of a million million volts, and a time that is none."""
+    with pytest.raises(HilError, match="a voltage of 1e\\+12, in row 41, cannot be"):
+        analyse(tmp_path, digatron().replace("3,500000", "1e12"), EXAMPLES["Digatron"])
+    with pytest.raises(HilError, match=r"log.txt:\d+:\d+: '0-' in column 4 is not a time"):
+        analyse(tmp_path, neware().replace("0:04:00.000", "-"), EXAMPLES["Neware"])

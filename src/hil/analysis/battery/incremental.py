@@ -11,6 +11,8 @@ from hil.model.errors import Refused
 
 __all__ = ["IncrementalCapacity", "Peak", "incremental_capacity"]
 
+_MOST = 1_000_000  # steps of a grid
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Peak:
@@ -60,13 +62,15 @@ def incremental_capacity(
         prominence: least prominence of a peak, as a fraction of the highest density.
 
     Raises:
-        Refused: the voltage covers too few steps of the grid for one window.
+        Refused: the voltage covers too few steps of the grid for one window, or far too many.
     """
     from scipy import signal  # noqa: PLC0415 - start-up stays light
 
     levels, taken = _rising(np.asarray(voltage, dtype=float), np.asarray(charge, dtype=float))
     width = max(round(window / step) // 2 * 2 + 1, 5)
     low, high = np.ceil(levels[0] / step), np.floor(levels[-1] / step)
+    if high - low > _MOST:
+        raise Refused(f"{np.ptp(levels):.3g} V hold more than {_MOST} steps of {step:g} V", "give a coarser grid")
     grid = np.arange(low, high + 1) * step
     if grid.size < width:
         raise Refused(

@@ -17,7 +17,8 @@ SECONDS_PER_HOUR = 3600.0
 _WARMTH = (-60.0, 120.0)  # degC: no cell is tested beyond these, but an open or shorted sensor reads so
 
 _LEAST = 3  # samples
-_LARGEST = 1e15  # of whatever unit: far beyond any test, far below where a square is no number
+_LARGEST = {"time": 1e15, "voltage": 1e7, "current": 1e9, "cycle": 1e15}
+"""In s, V and A: beyond any test in any unit, and far below where a square is no number."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -104,8 +105,9 @@ def series(  # noqa: PLR0913 - one argument per column
     if others[1] is not None:
         whole &= np.isfinite(others[1])
     times, voltages, currents = (each[whole] for each in rows)
-    for name, values in (("time", times), ("voltage", voltages), ("current", currents)):
-        if values.size and (largest := float(np.abs(values).max())) > _LARGEST:
+    numbers = times if others[1] is None else others[1][whole]
+    for (name, most), values in zip(_LARGEST.items(), (times, voltages, currents, numbers), strict=True):
+        if values.size and (largest := float(np.abs(values).max())) > most:
             place = int(np.flatnonzero(whole)[np.abs(values).argmax()])
             raise Refused(f"a {name} of {largest:.3g}, in row {place + 1}, cannot be", "mend the row, or leave it out")
     if times.size < _LEAST:

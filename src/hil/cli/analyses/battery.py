@@ -272,6 +272,9 @@ def _table(file: Path, mapping: Mapping, named: str) -> BatteryLog:
     time, stretch, told = _timed(file, mapping, table)
     charge, own_charge = table.counted("charge", time)
     energy, own_energy = table.counted("energy", time)
+    for name, found in (("charge", charge), ("energy", energy)):
+        if found is None and getattr(columns, "charge" if name == "charge" else "charge_energy"):
+            told = (*told, f"the counter of {name} never moves: left out")
     return logs.BatteryLog(
         maker="table",
         time=time,
