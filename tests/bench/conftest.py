@@ -55,18 +55,18 @@ def cost(benchmark, turn, request):
 def pair(request):
     """Measure two functions in turns, and note the ratio of the least times of both."""
 
-    def measure(what, ours, theirs, *, units=1, rounds=9):
-        tries = [(_seconds(ours) / units, _seconds(theirs) / units) for _ in range(rounds)]
+    def measure(what, ours, theirs, *, units=1, rounds=9, clock=time.perf_counter):
+        tries = [(_seconds(ours, clock) / units, _seconds(theirs, clock) / units) for _ in range(rounds)]
         least = [min(each) for each in zip(*tries, strict=True)]
         request.config.stash[PAIRS].append((what, *least))
 
     return measure
 
 
-def _seconds(function):
-    began = time.perf_counter()
+def _seconds(function, clock):
+    began = clock()
     function()
-    return time.perf_counter() - began
+    return clock() - began
 
 
 def pytest_terminal_summary(terminalreporter, config):
@@ -78,4 +78,4 @@ def pytest_terminal_summary(terminalreporter, config):
         return
     terminalreporter.section("what things cost, in turns of a plain Python loop")
     for what, seconds, turns in config.stash[COSTS]:
-        terminalreporter.write_line(f"{what:<58} {seconds * 1e6:>14,.1f} us {turns:>14,.0f} turns")
+        terminalreporter.write_line(f"{what:<58} {seconds * 1e6:>14,.4g} us {turns:>14,.4g} turns")

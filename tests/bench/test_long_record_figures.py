@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 import tracemalloc
 from concurrent.futures import ThreadPoolExecutor
 
@@ -9,8 +10,12 @@ import allantools
 import numpy as np
 import pytest
 
+from hil.analysis import quality
 from hil.analysis.allan import strided
 from hil.analysis.allan.deviation import deviation
+from hil.analysis.gates import Facts
+from hil.analysis.timeline import timeline
+from hil.logs.columns import read
 
 WHOLE = 14_400_000  # four hours at 1 kHz
 
@@ -36,6 +41,7 @@ def test_octaves_of_a_long_record(pair, record, monkeypatch):
         lambda: theirs(record),
         units=record.size,
         rounds=3,
+        clock=time.process_time,
     )
 
 
@@ -49,11 +55,12 @@ def test_octaves_of_a_long_record_compiled(pair, record):
         lambda: theirs(record),
         units=record.size,
         rounds=3,
+        clock=time.process_time,
     )
 
 
 def test_channels_on_two_cores(pair, record):
-    """Nine channels, one after the other or in two threads."""
+    """Nine channels, one after the other or in two threads: on two cores that have nothing else to do."""
     channels = [record] * 9
 
     def threads():
@@ -76,3 +83,63 @@ def test_memory_of_a_long_record(record):
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak < 0.2 * record.nbytes
+
+
+@pytest.fixture
+def log(request, tmp_path):
+    """A log as loggers write it: time, three rates, temperature."""
+    rows = 10_000_000 if request.config.getoption("--soak") else 400_000
+    rates = np.random.default_rng(1).standard_normal((10_000, 3)).tolist()
+    path = tmp_path / "log.csv"
+    with path.open("w") as file:
+        file.write("t,gx,gy,gz,temperature\n")
+        for first in range(0, rows, len(rates)):
+            file.writelines(
+                f"{(first + row) * 1e-3:.3f},{x:.6f},{y:.6f},{z:.6f},{25 + x / 100:.2f}\n"
+                for row, (x, y, z) in enumerate(rates)
+            )
+    return path, rows
+
+
+@pytest.mark.timeout(600)
+@pytest.mark.parametrize("columns", [["t", "gx", "gy", "gz", "temperature"], ["t", "gx"]], ids=["all", "two"])
+def test_a_text_log(pair, log, columns):
+    """A row of five columns, all or two of them read, against the C reader of pandas."""
+    pandas = pytest.importorskip("pandas")
+    path, rows = log
+    pair(
+        f"row of a text log, {len(columns)} columns, hil / pandas",
+        lambda: read(path, columns),
+        lambda: pandas.read_csv(path, usecols=columns),
+        units=rows,
+        rounds=5,
+        clock=time.process_time,
+    )
+
+
+def test_memory_of_a_text_log(log):
+    """What the columns take, and little more."""
+    path, rows = log
+    tracemalloc.start()
+    values = read(path, ["t", "gx"]).values
+    held = tracemalloc.get_traced_memory()[0]
+    tracemalloc.stop()
+    assert values.shape == (rows, 2)
+    assert held < 1.2 * values.nbytes
+
+
+@pytest.mark.parametrize("jitter", [0.0, 0.05])
+def test_times_of_a_long_record(cost, record, jitter):
+    """Understood, judged and placed, a sample."""
+    times = (np.arange(record.size) + jitter * record) / 1000.0
+    cost(f"time of a sample, jitter {jitter:.0%}", lambda: timeline(times), units=record.size, rounds=3)
+
+
+def test_gates_of_a_long_record(cost, record):
+    """All gates on one channel, a sample."""
+    cost(
+        "gates on a sample",
+        lambda: quality.read({"x": record}, Facts(lsb=1e-6), 1000.0),
+        units=record.size,
+        rounds=3,
+    )

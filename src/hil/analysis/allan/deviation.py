@@ -229,18 +229,16 @@ def deviation(
     if estimator not in ESTIMATORS:
         raise Refused(f"there is no estimator '{estimator}'", f"choose one of {', '.join(ESTIMATORS)}")
     values, mean, missing = _checked(data, rate, holes=holes)
-    samples, starts = values.size, 0
+    samples = values.size
     factors = _factors(samples, rate, taus, _SPANS[estimator])
     octaves = estimator == "overlapping" and isinstance(taus, str) and taus == "octave"
+    thinned = octaves and samples >= strided.LONG and not (missing.size or exact)
     averages: Iterable[_Array]
-    if octaves and samples >= strided.LONG and not (missing.size or exact):
-        starts = strided.STARTS
+    if thinned:
         variance, averages = strided.octaves(values, mean, factors.size)
         terms = samples + 1 - 2 * factors
     else:
-        phase = _phase(values, mean, missing)
-        factors, variance, terms = _estimated(phase, factors, estimator, missing)
-        averages = (_averages(phase, m, missing) for m in factors.tolist())
+        factors, variance, terms, averages = _differenced(_phase(values, mean, missing), factors, estimator, missing)
     alpha = _noise_types(factors, averages, trust.REDDEST[estimator])
     points = zip(alpha.tolist(), factors.tolist(), terms.tolist(), strict=True)
     degrees = np.array([trust.degrees(estimator, *point, samples) for point in points])
@@ -264,8 +262,16 @@ def deviation(
         low=np.sqrt(low),
         high=np.sqrt(high),
         alpha=alpha,
-        starts=starts,
+        starts=strided.STARTS if thinned else 0,
     )
+
+
+def _differenced(
+    phase: _Array, factors: _Places, estimator: Estimator, missing: _Places
+) -> tuple[_Places, _Array, _Places, Iterable[_Array]]:
+    """Return what `_estimated` does, and consecutive averages at each factor."""
+    factors, variance, terms = _estimated(phase, factors, estimator, missing)
+    return factors, variance, terms, (_averages(phase, m, missing) for m in factors.tolist())
 
 
 def _estimated(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -71,14 +72,17 @@ def allan(  # noqa: PLR0913 - one argument per option
       hil analyse allan docs/data/gyroscope-xsens-rest.txt --time 1 --columns 2,3,4 --unit LSB --to 50
       hil analyse allan rest.csv --rate 100 --columns gx --unit LSB --scale 0.00875 --scaled-unit deg/s
     """  # noqa: D301 - click reads \b
+    from concurrent.futures import ThreadPoolExecutor  # noqa: PLC0415 - start-up stays light
+
     from hil.analysis.allan.deviation import deviation  # noqa: PLC0415 - start-up stays light
     from hil.analysis.allan.noise import characterise  # noqa: PLC0415 - start-up stays light
     from hil.analysis.allan.slopes import nearest_slopes  # noqa: PLC0415 - start-up stays light
     from hil.cli.analyses import allan_text  # noqa: PLC0415 - start-up stays light
 
     log = obtain(wanted)
-    axes = []
-    for name, values in log.channels.items():
+
+    def axis(name: str) -> Axis:
+        values = log.channels[name]
         model = characterise(
             values, log.rate, log.unit,
             confidence=confidence, tau_min=tau_min, tau_max=tau_max, bandwidth=wanted.bandwidth, holes=True,
@@ -90,7 +94,10 @@ def allan(  # noqa: PLR0913 - one argument per option
                 estimator=estimator, unit=curve.unit, confidence=confidence, holes=True,
             )  # fmt: skip
         legacy = nearest_slopes(model.curve) if method == "nearest-slope" else {}
-        axes.append(allan_text.Axis(name=name, model=model, curve=curve, legacy=legacy, doubts=log.doubts(name)))
+        return allan_text.Axis(name=name, model=model, curve=curve, legacy=legacy, doubts=log.doubts(name))
+
+    with ThreadPoolExecutor(max_workers=os.cpu_count()) as threads:  # NumPy's loops run beside each other
+        axes = list(threads.map(axis, log.channels))
     if plot is not None:
         _draw(plot, axes)
     result = allan_text.Result(log=log, axes=tuple(axes))
