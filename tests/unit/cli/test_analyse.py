@@ -282,7 +282,7 @@ def test_the_commands_of_the_how_to_work(tmp_path, monkeypatch):
     (tmp_path / "docs").symlink_to(ROOT / "docs")
     monkeypatch.chdir(tmp_path)
     examples = re.findall(r"```console\n\$ hil analyse (.*?)```", page, re.DOTALL)
-    assert len(examples) == 8
+    assert len(examples) == 9
     for example in examples:
         asked = shlex.split(example.replace("\\\n", " "))
         assert CliRunner().invoke(command, asked, catch_exceptions=False).exit_code == 0
