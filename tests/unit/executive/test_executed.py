@@ -68,6 +68,7 @@ def package(tmp_path, monkeypatch):
     monkeypatch.setattr(other_code.metadata, "distributions", lambda: only)
     monkeypatch.setattr(executed, "of_no_package", lambda *_: [])
     monkeypatch.setattr(executed, "other_packages", tuple)
+    monkeypatch.setattr(executed, "files_executed", tuple)  # by wrapped drivers, which other tests may have started
     other_code._owners.cache_clear()
     yield late
     for name in [name for name in sys.modules if name.startswith("late_dmm")]:
