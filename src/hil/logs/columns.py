@@ -48,7 +48,8 @@ class Table:
     """The chosen columns of a text table.
 
     Attributes:
-        names: the columns' names, or their numbers counted from 1 where the table names none.
+        names: the columns' names, with the unit from a line of units below them, such as `t [ms]`; their numbers,
+            counted from 1, where the table names none.
         values: shape (rows, columns), in the order in which the columns were asked for.
         remarks: what was left out, in sentences.
         clocked: whether the first column was read as times of a clock, so that it is in s.
@@ -134,7 +135,7 @@ def _place(path: Path, layout: Layout, column: str) -> int:
         return layout.names.index(column)
     if column.isdecimal() and 1 <= int(column) <= layout.width:
         return int(column) - 1
-    known = ", ".join(layout.names) if layout.names else "without names"
+    known = ", ".join(layout.names) if layout.names else "without names, or with names that repeat"
     raise Refused(
         f"{path}: no column '{column}'{did_you_mean(column, layout.names)}",
         f"there are {layout.width} columns, numbered from 1 ({known})",
@@ -152,7 +153,7 @@ def _rows(path: Path, layout: Layout, chosen: list[int], special: Mapping[int, R
             file.seek(0)
         for block in _blocks(file):
             rows.take(block)
-    names = tuple(layout.names[place] if layout.names else str(place + 1) for place in chosen)
+    names = tuple(layout.title(place) for place in chosen)
     values = rows.values[:, : rows.count].T
     return Table(names=names, values=values, remarks=tuple(rows.remarks), clocked=clocked)
 

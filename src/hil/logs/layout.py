@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,6 +12,14 @@ __all__ = ["COMMENT_MARKS", "Layout", "recognise"]
 COMMENT_MARKS = ("#", "%", "//")
 """A line that begins with one of these holds no row; above the first row it may hold the columns' names."""
 
+_UNIT = re.compile(
+    r"[numkMµμ]?(?:s|sec|V|A|Ah|W|Wh|g|T|G|K|J|N|m|Hz|Pa|rad|[Oo]hm|Ω)"
+    r"|min|h|hr|d|C|F|deg|degC|dps|mdps|mdeg|urad|°|°C|bar|rpm|LSB|counts?|sqrt|%"
+)
+"""The words of a unit, between the signs that join them."""
+
+_JOINTS = re.compile(r"[\s/*·.^()√²³\d-]+")
+_CLOCK = re.compile(r"[hH]{1,2}:[mM]{2}:[sS]{2}(?:[.,]\w+)?")
 _LOOKED_AT = 20  # lines at the end of the sample that count as rows, whatever stands above them
 
 
@@ -23,6 +32,7 @@ class Layout:
         decimal: the decimal sign, a point or a comma.
         width: cells in a row.
         names: the columns' names, empty where the table names none.
+        units: what a line of units below the names says, without brackets; empty where there is none.
         first: line number of the first row, counted from 1.
         quoted: whether cells stand in double quotes.
     """
@@ -31,12 +41,19 @@ class Layout:
     decimal: str
     width: int
     names: tuple[str, ...]
+    units: tuple[str, ...] = ()
     first: int
     quoted: bool
 
     def cells(self, line: str) -> list[str]:
         """Return the cells of a line, without quotes and surrounding space."""
         return [cell.strip().strip('"') for cell in line.split(self.separator)]
+
+    def title(self, place: int) -> str:
+        """Return the name of a column, with its unit in brackets if a line of its own says it; else its number."""
+        unit = self.units[place] if self.units else ""
+        name = self.names[place] if self.names else str(place + 1)
+        return f"{name} [{unit}]" if unit else name
 
     def number(self, cell: str) -> float | None:
         """Return the number that a cell holds, or None."""
@@ -64,10 +81,14 @@ def recognise(lines: Sequence[str]) -> Layout | None:
 
 
 def _placed(lines: Sequence[str], rows: Sequence[str], guess: Layout) -> Layout | None:
-    """Find the first row, and the names in the last line above it that has one for each column, each another."""
+    """Find the first row, and the names in the last line above it that has one for each column, each another.
+
+    A line of units below names is not taken for names.
+    """
     counts = Counter(len(guess.cells(line)) for line in rows)
     width = counts.most_common(1)[0][0]
     names: tuple[str, ...] = ()
+    units: tuple[str, ...] = ()
     for place, line in enumerate(lines):
         cells = guess.cells(line)
         comment = line.lstrip().startswith(COMMENT_MARKS)
@@ -77,10 +98,25 @@ def _placed(lines: Sequence[str], rows: Sequence[str], guess: Layout) -> Layout 
                 decimal=guess.decimal,
                 width=width,
                 names=names,
+                units=units,
                 first=place + 1,
                 quoted='"' in line,
             )
         above = guess.cells(line.strip().lstrip("#%/ ")) if comment else cells
-        if len(above) == width and len(set(above)) == width:
-            names = tuple(above)
+        if len(above) != width:
+            continue
+        told = _units(above) if names else ()
+        if told:
+            units = told
+        elif len(set(above)) == width:
+            names, units = tuple(above), ()
     return None
+
+
+def _units(cells: Sequence[str]) -> tuple[str, ...]:
+    """Return the cells of a line of units, or nothing if it is another; a cell may be empty or a dash."""
+    bare = [cell.strip("[]") if cell.startswith("[") else cell.strip("-") for cell in cells]
+    bare = [cell[1:-1] if cell.startswith("(") and cell.endswith(")") else cell for cell in bare]
+    words = [[word for word in _JOINTS.split(cell) if word] for cell in bare if not _CLOCK.fullmatch(cell)]
+    known = all(_UNIT.fullmatch(word) for cell in words for word in cell)
+    return tuple(bare) if known and any(bare) else ()

@@ -108,7 +108,11 @@ def test_a_torn_last_line_is_left_out_with_a_remark(written, torn):
         ("1,2,3\n4,,6\n7,8,9\n", [], r"log.txt:2:3: '' in column 2 is not a number"),
         ("1 2\n3 1_000\n5 6\n", [], r"'1_000' in column 2 is not a number"),
         ("time,rate\n1,2\n", ["rat"], r"no column 'rat', did you mean 'rate'\?; there are 2 columns"),
-        ("1 2\n3 4\n", ["3"], r"no column '3'; there are 2 columns, numbered from 1 \(without names\)"),
+        (
+            "1 2\n3 4\n",
+            ["3"],
+            r"no column '3'; there are 2 columns, numbered from 1 \(without names, or with names that repeat\)",
+        ),
         ("1 2\n3 4\n", ["0"], "no column '0'"),
     ],
 )
@@ -167,3 +171,25 @@ def test_the_example_log_is_read_whole():
     assert table.values.shape == (5598, 4)
     assert table.values[0].tolist() == [0.02984, 32786.0, 32429.0, 32499.0]
     assert (np.diff(table.values[:, 0]) > 0.0).all()
+
+
+@pytest.mark.parametrize(
+    ("units", "names"),
+    [
+        ("ms;rad/s;V", ("t [ms]", "gx [rad/s]", "U [V]")),
+        ("[ms];[deg/s];[]", ("t [ms]", "gx [deg/s]", "U")),
+        ("(s);(°/s);-", ("t [s]", "gx [°/s]", "U")),
+        ("hh:mm:ss;m/s^2;mV", ("t [hh:mm:ss]", "gx [m/s^2]", "U [mV]")),
+    ],
+)
+def test_a_line_of_units_is_not_taken_for_names(written, units, names):
+    """The names above it stay, and each column is found by its own; its unit is told beside it."""
+    table = read(written(f"t;gx;U\n{units}\n1;2,5;3\n4;5,5;6\n"), ["gx", "U"], first="t")
+    assert table.names == names
+    assert table.values.tolist() == [[1.0, 2.5, 3.0], [4.0, 5.5, 6.0]]
+
+
+def test_a_line_of_words_below_others_is_taken_for_names(written):
+    """A single word that is no unit makes it a line of names, and units alone are names where nothing stands above."""
+    assert read(written("my,log\nV,time\n1,2\n")).names == ("V", "time")
+    assert read(written("s,V\n1,2\n")).names == ("s", "V")
