@@ -237,6 +237,10 @@ def read(file: Path, mapping: Mapping, *, named: str = "the mapping") -> Mapped:
 
 def _state_of(mapping: Mapping, named: str) -> dict[str, Reading]:
     """Return how the cells of the column of states are read: 1 for a charge, -1 for a discharge, 0 for a rest."""
+    words = [*mapping.states.charge, *mapping.states.discharge, *mapping.states.rest]
+    twice = next((word for word in words if words.count(word) > 1), None)
+    if twice is not None:
+        raise Refused(f"{named}: the state '{twice}' is listed twice in `states:`", "list each word once")
     codes = dict.fromkeys(mapping.states.charge, 1.0) | dict.fromkeys(mapping.states.discharge, -1.0)
     codes |= dict.fromkeys(mapping.states.rest, 0.0)
     if not any(codes.values()):

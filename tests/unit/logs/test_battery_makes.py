@@ -277,3 +277,15 @@ def test_numbers_that_cannot_be_are_refused_with_their_row(tmp_path):
         analyse(tmp_path, digatron().replace("3,500000", "1e12"), EXAMPLES["Digatron"])
     with pytest.raises(HilError, match=r"log.txt:\d+:\d+: '0-' in column 4 is not a time"):
         analyse(tmp_path, neware().replace("0:04:00.000", "-"), EXAMPLES["Neware"])
+
+
+def test_a_state_in_two_lists_is_refused(tmp_path):
+    """Nobody can tell whether it charges or discharges."""
+    mapping = tmp_path / "mine.yaml"
+    mapping.write_text(EXAMPLES["Digatron"].replace("[CHA]", "[CHA, DCH]"), encoding="utf-8")
+    log = tmp_path / "test.csv"
+    log.write_text("Prog Time,Voltage,Current,Cycle,Status\n0,3,1,1,CHA\n1,3,1,1,CHA\n", encoding="utf-8")
+    with pytest.raises(HilError, match="the state 'DCH' is listed twice in `states:`; list each word once"):
+        CliRunner().invoke(
+            command, ["battery", str(log), "--mapping", str(mapping)], catch_exceptions=False, standalone_mode=False
+        )
