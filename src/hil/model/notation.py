@@ -212,7 +212,7 @@ def _text(value: object, pattern: str = "", words: str = "", choices: Sequence[s
     if not isinstance(value, str):
         raise Complaint("must be text", quote=isinstance(value, bool | int))
     if choices and value not in choices:
-        raise Complaint(f"must be one of {', '.join(choices)}", known=choices)
+        raise Complaint(f"must be one of {', '.join(filter(None, choices))}", known=choices)
     if pattern and not re.fullmatch(pattern, value):
         raise Complaint(f"must be {words}")
     return next((choice for choice in choices if choice == value), value)

@@ -336,3 +336,26 @@ def test_cells_that_are_nan_are_missing_samples_and_told(tmp_path):
     assert "note: column 1: 2 samples are NaN and count as missing" in text
     axis = json.loads(run(str(log), "--rate", "10", "--unit", "deg/s", "--json").stdout)["axes"][0]
     assert (axis["samples"], axis["missing"]) == (2000, 2)
+
+
+@pytest.mark.parametrize("limits", [("5", "1"), ("nan", "1"), ("-1", "1"), ("1", "nan")])
+def test_averaging_times_that_cannot_be_are_refused(limits):
+    """The log could be as long as anybody likes."""
+    with pytest.raises(Refused, match=r"--tau-min \S+ and --tau-max \S+ leave no averaging time"):
+        run(SLICE, *REST, "--tau-min", limits[0], "--tau-max", limits[1])
+
+
+def test_a_fit_with_too_few_averaging_times_names_both_ways_out():
+    """A longer record, or wider limits."""
+    text = run(SLICE, *REST, "--tau-min", "5").stdout
+    assert "2 averaging times can be fitted and 6 are needed: record longer, or allow" in " ".join(text.split())
+
+
+def test_milliseconds_in_a_line_of_units_are_understood(tmp_path):
+    """A sample each millisecond would pass for one each second."""
+    values = np.random.default_rng(0).standard_normal(2000)
+    log = tmp_path / "log.csv"
+    log.write_text("t,gx\nms,deg/s\n" + "".join(f"{n},{v:.6f}\n" for n, v in enumerate(values)), encoding="utf-8")
+    text = run(str(log), "--time", "t", "--unit", "deg/s").stdout
+    assert "sampling: 1000" in text
+    assert "times are in ms, as the column's name 't [ms]' says" in text

@@ -116,3 +116,11 @@ def test_the_spectra_are_drawn(log, tmp_path):
     assert (tmp_path / "spectrum.svg").read_text(encoding="utf-8").startswith("<?xml")
     with pytest.raises(Refused, match=r"\.svg or \.png"):
         run(log, *UNTIMED, "--plot", str(tmp_path / "spectrum.pdf"))
+
+
+def test_a_density_in_a_unit_of_something_else_is_refused():
+    """The message names the option, and the unit that is wanted."""
+    with pytest.raises(
+        Refused, match=r"--density: 'deg/s' does not convert to 'deg/s/sqrt\(Hz\)'; give it in deg/s/sq"
+    ):
+        run("none.csv", *UNTIMED, "--density", "0.01", "deg/s")

@@ -91,8 +91,11 @@ def characterise(
     shortest = max(tau_min, 1.0 / bandwidth if bandwidth else 0.0)
     usable = np.flatnonzero((bare.tau >= shortest * (1.0 - 1e-9)) & (bare.tau <= tau_max * (1.0 + 1e-9)))
     if usable.size < _FEWEST_POINTS:
+        times = "time" if usable.size == 1 else "times"
+        limited = ", or allow the fit more of them" if usable.size < bare.tau.size else ""
         return _unobservable(
-            curve, f"{usable.size} averaging times can be fitted and {_FEWEST_POINTS} are needed: record longer"
+            curve,
+            f"{usable.size} averaging {times} can be fitted and {_FEWEST_POINTS} are needed: record longer{limited}",
         )
     if bare.deviation[0] <= _NO_NOISE * (abs(mean) + abs(slope) * values.size):
         return _unobservable(curve, "the samples are a straight line without noise")

@@ -141,8 +141,10 @@ def spectrum(data: ArrayLike, rate: float, *, unit: str = "1", how: Welch = _USU
         Refused: segment or rate are not possible, the data are not finite or too short, or every segment has holes.
     """
     values = np.asarray(data, dtype=np.float64)
-    if values.ndim != 1 or values.size < _LEAST:
-        raise Refused(f"data of shape {values.shape} have no spectrum", f"give a row of {_LEAST} samples or more")
+    if values.ndim != 1:
+        raise Refused(f"data of shape {values.shape} have no spectrum", "give one axis at a time")
+    if values.size < _LEAST:
+        raise Refused(f"{values.size} samples are too few for a spectrum", f"give {_LEAST} or more")
     whole = math.isfinite(float(values.min()) + float(values.max()))
     missing = 0 if whole else int(np.isnan(values).sum())
     if not whole and not (holes and np.isfinite(values[~np.isnan(values)]).all()):

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 __all__ = ["allan"]
 
 
-@click.command("allan")
+@click.command("allan", short_help="Compute Allan deviation and noise coefficients.")
 @log_options
 @click.option(
     "--estimator",
@@ -79,6 +79,11 @@ def allan(  # noqa: PLR0913 - one argument per option
     from hil.analysis.allan.slopes import nearest_slopes  # noqa: PLC0415 - start-up stays light
     from hil.cli.analyses import allan_text  # noqa: PLC0415 - start-up stays light
 
+    if not 0.0 <= tau_min < tau_max:
+        raise Refused(
+            f"--tau-min {tau_min:g} and --tau-max {tau_max:g} leave no averaging time",
+            "give the shorter one as --tau-min, in s",
+        )
     log = obtain(wanted)
 
     def axis(name: str) -> Axis:

@@ -28,7 +28,7 @@ __all__ = ["battery"]
 _UPPER, _LOWER, _CUT_OFF = 4.2, 2.7, 0.05  # V, V, A
 
 
-@click.command("battery")
+@click.command("battery", short_help="Compute capacity, energy and fade of a cell.")
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option(
     "--format", "form", type=click.Choice(["auto", "novonix", "cycler", "table"]), default="auto", show_default=True,
@@ -52,9 +52,9 @@ _UPPER, _LOWER, _CUT_OFF = 4.2, 2.7, 0.05  # V, V, A
 @click.option(
     "--interval", type=float, default=5.0, show_default=True, metavar="S", help="Between two rows of a cycler's log."
 )
-@click.option("--upper", type=float, show_default="4.2", metavar="V", help="Voltage at which a charge ends.")
-@click.option("--lower", type=float, show_default="2.7", metavar="V", help="Voltage at which a discharge ends.")
-@click.option("--cut-off", type=float, show_default="0.05", metavar="A", help="Current that ends a charge.")
+@click.option("--upper", type=float, metavar="V", help="Voltage at which a charge ends; 4.2 by default.")
+@click.option("--lower", type=float, metavar="V", help="Voltage at which a discharge ends; 2.7 by default.")
+@click.option("--cut-off", type=float, metavar="A", help="Current that ends a charge; 0.05 by default.")
 @click.option("--current-gain", type=float, metavar="PART", help="Bound of the current's gain error; 0.001 is 0.1 %.")
 @click.option("--current-offset", type=float, metavar="A", help="Bound of the current's offset.")
 @click.option("--capacity", type=float, metavar="AH", help="Nominal capacity.")

@@ -33,7 +33,7 @@ class _Columns:
     uncertainty: float | None
 
 
-@click.command("gyroscope-temperature")
+@click.command("gyroscope-temperature", short_help="Calibrate a gyroscope over temperature.")
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("--temperature", required=True, metavar="COLUMN", help="Column of temperatures in degC.")
 @click.option("--means", required=True, metavar="A,B,C", help="Columns of mean readings, one for each axis.")

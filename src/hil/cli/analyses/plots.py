@@ -12,6 +12,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.dates import ConciseDateFormatter, date2num
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from hil.analysis.battery.half_cycle import flow
 from hil.analysis.battery.integration import cumulative
@@ -249,6 +250,8 @@ def _battery(data: Series, summary: Summary, how: Segmentation) -> Figure:
         fill(axes)
         axes.set_xlabel(across)
         axes.set_ylabel(up)
+        if across == "cycle":
+            axes.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
         axes.grid(visible=True, color="#dddddd", linewidth=0.5)
     return figure
 

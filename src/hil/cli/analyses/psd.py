@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from hil.cli.analyses.log import Log, Wanted, log_options, obtain
-from hil.model.errors import Refused
+from hil.model.errors import HilError, Refused
 
 if TYPE_CHECKING:
     from hil.cli.analyses.psd_text import Axis
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 __all__ = ["psd"]
 
 
-@click.command("psd")
+@click.command("psd", short_help="Compute power spectrum, lines and noise.")
 @log_options
 @click.option("--segment", type=int, metavar="SAMPLES", help="Length of a segment; an eighth of the log by default.")
 @click.option(
@@ -114,7 +114,11 @@ def _sheet(wanted: Wanted, density: tuple[float, str] | None) -> float | None:
         return wanted.noise_density
     if wanted.noise_density is not None:
         raise Refused("--density and --noise-density are two words for one thing", "give --density VALUE UNIT alone")
-    value = convert(density[0], density[1], f"{wanted.result_unit}/sqrt(Hz)")
+    unit = f"{wanted.result_unit}/sqrt(Hz)"
+    try:
+        value = convert(density[0], density[1], unit)
+    except HilError as error:
+        raise Refused(f"--density: {error.message}", f"give it in {unit}, or in a unit that converts to it") from None
     if not 0.0 < value < math.inf:
         raise Refused(f"--density {density[0]:g} is not possible", "give a number above zero")
     return value
