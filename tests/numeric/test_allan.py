@@ -269,6 +269,7 @@ LEVELS = [
 ]
 
 
+@pytest.mark.system
 def test_uncertainties_of_the_coefficients_cover_as_they_claim():
     """Over 400 measured coefficients, in a soak, of 16,384-sample records: intervals within binomial bands.
 
