@@ -196,3 +196,18 @@ def test_a_rate_that_no_sensor_has_is_refused(rate):
     """A unit of time that is wrong by far is told, before numbers leave their range."""
     with pytest.raises(Refused, match="no sampling rate of a sensor; check the unit of time"):
         characterise(np.random.default_rng(0).standard_normal(4000), rate, "deg/s")
+
+
+@pytest.mark.parametrize("scale", [2.0**-310, 2.0**310])
+def test_the_largest_and_smallest_data_are_fitted_as_any_other(scale):
+    """Fourth powers of 1e90 are no numbers: what is fitted is near 1, and the coefficients are in the data's unit."""
+    generator = np.random.default_rng(0)
+    values = generator.standard_normal(2000) + np.cumsum(generator.standard_normal(2000)) * 0.05
+    usual, found = characterise(values, 100.0, "deg/s"), characterise(values * scale, 100.0, "deg/s")
+    for name in ("white", "flicker", "random_walk", "ramp"):
+        one, other = getattr(usual, name), getattr(found, name)
+        assert (other.value / scale, other.uncertainty / scale) == pytest.approx((one.value, one.uncertainty))
+        assert (other.status, other.dof) == (one.status, pytest.approx(one.dof))
+    assert found.fitted / scale == pytest.approx(usual.fitted)
+    assert found.curve.deviation / scale == pytest.approx(usual.curve.deviation)
+    assert found.averaging_window == usual.averaging_window

@@ -29,6 +29,7 @@ _FEWEST_POINTS = 6  # two more than four terms
 _WORST_TAIL = 1e-3  # a right model is rejected once in a thousand records, as a misfit, and once as too good a fit
 _GOOD_TAIL = 0.05  # below it the shortest averaging times are left out, as long as that helps
 _SLOWEST, _FASTEST = 1e-9, 1e12  # Hz; beyond them products of rates and averaging times leave the range of numbers
+_SMALLEST, _LARGEST = 1e-40, 1e40  # of a deviation whose fourth power, times those of rates, is a number
 _KNOWN = 2.0  # a measured square is at least twice its standard uncertainty
 _SURE = 0.995  # of a ramp that is measured, to either side
 _BENT = 20.0  # gain of a curve with which a line is not measured any more: one record in thirty without any has it
@@ -83,7 +84,9 @@ def characterise(
     curve = deviation(data, rate, unit=unit, confidence=confidence, holes=holes)
     if not curve.deviation.any():
         return _unobservable(curve, f"all {curve.samples} samples are the same: stuck, or below the resolution")
+    scale = _scale(float(curve.deviation[0]))
     values = np.asarray(data, dtype=np.float64)
+    values = values if scale == 1.0 else values / scale
     mean, slope = line(values)
     bare = deviation(without(values, slope), rate, holes=holes)
     if not curve.deviation.all():
@@ -101,7 +104,15 @@ def characterise(
         return _unobservable(curve, "the samples are a straight line without noise")
     found, start = _fitted(bare, usable)
     slowly = slow(values, rate) if max(found.squares[2:]) > 0.0 or slope else None
-    return _model(curve, found, start, bool(bandwidth), _Ramp.of(found, slope * rate, curve), slowly)
+    ramp = _Ramp.of(found, slope * rate, curve)
+    if scale == 1.0:
+        return _model(curve, found, start, bool(bandwidth), ramp, slowly)
+    return _model(curve.scaled(1.0 / scale), found, start, bool(bandwidth), ramp, slowly).scaled(scale)
+
+
+def _scale(size: float) -> float:
+    """Return a power of two that brings deviations near 1 where their fourth powers would be no numbers."""
+    return 1.0 if not size or _SMALLEST < size < _LARGEST else math.ldexp(1.0, math.frexp(size)[1])
 
 
 def _fitted(bare: AllanCurve, usable: NDArray[np.intp]) -> tuple[allan_fit.Fit, int]:

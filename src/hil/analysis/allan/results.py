@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -53,6 +53,10 @@ class AllanCurve:
     alpha: NDArray[np.int64]
     starts: int = 0
 
+    def scaled(self, scale: float) -> AllanCurve:
+        """Return the curve of data that are as many times as large."""
+        return replace(self, deviation=self.deviation * scale, low=self.low * scale, high=self.high * scale)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NoiseModel:
@@ -85,3 +89,21 @@ class NoiseModel:
     chi: float
     tau_min: float
     remark: str
+
+    def scaled(self, scale: float) -> NoiseModel:
+        """Return the model of data that are as many times as large: averaging times stay."""
+        return replace(
+            self,
+            quantisation=_scaled(self.quantisation, scale),
+            white=_scaled(self.white, scale),
+            flicker=_scaled(self.flicker, scale),
+            random_walk=_scaled(self.random_walk, scale),
+            ramp=_scaled(self.ramp, scale),
+            curve=self.curve.scaled(scale),
+            fitted=self.fitted * scale,
+        )
+
+
+def _scaled(figure: Figure, scale: float) -> Figure:
+    uncertainty = None if figure.uncertainty is None else figure.uncertainty * scale
+    return replace(figure, value=figure.value * scale, uncertainty=uncertainty)
