@@ -272,6 +272,21 @@ def test_one_cycle_with_an_impossible_efficiency_is_doubted(tmp_path):
     assert against(found, "single_coulombic_efficiency") == [3]
 
 
+def test_a_column_of_cycles_that_never_changes_is_doubted(tmp_path):
+    """Three cycles are taken for one, which the medians of one cycle do not show; counted, they pass."""
+    time, voltage, current = cell.campaign(3, 30.0, fade=0.01)
+    counted = 1 + np.cumsum(np.diff(current > 0, prepend=False) & (current > 0)) - 1
+    path = tmp_path / "numbered.csv"
+    for cycle, passed in ((np.ones(time.size), False), (counted, True)):
+        rows = np.column_stack((time, voltage, current, cycle))
+        np.savetxt(path, rows, delimiter=",", header="t,U,I,cycle", comments="", fmt="%.8f")
+        found = json.loads(run(str(path), *COLUMNS, "--cycle", "cycle", "--json").stdout)
+        assert ok(found)["one_alternation"] is passed
+        assert against(found, "one_alternation") == ([] if passed else [1])
+    without = json.loads(run(str(path), *COLUMNS, "--json").stdout)
+    assert ok(without)["one_alternation"] is None
+
+
 def spoilt(lines, place, column, value):
     """The lines with one cell of one row changed."""
     cells = lines[place].split(";")

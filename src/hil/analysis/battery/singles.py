@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +42,7 @@ def judge_singles(
     """
     return (
         _one_stretch(data, runs=runs),
+        _one_alternation(data, steps, made),
         _coulombic(made),
         _own_energy(made),
         *_rows(data, steps, made, capacity),
@@ -123,6 +125,40 @@ def _one_stretch(data: Series, *, runs: bool) -> Gate:
     if runs:
         return _gate("one_stretch", True, f"{found}, as was said of it")
     return _gate("one_stretch", False, f"{found}: the fade counts no time there")
+
+
+def _one_alternation(data: Series, steps: Sequence[Step], made: Sequence[Cycle]) -> Gate:
+    """Return whether charge and discharge follow each other once in each cycle that the log numbers.
+
+    Steps of little charge, such as the pulses of a resistance test, are left out.
+    """
+    name = "one_alternation"
+    if data.cycle is None or not made:
+        return _gate(name, None, "not judged: the log does not number its cycles")
+    active = [step for step in steps if step.kind is not StepKind.REST]
+    charges = np.array([_moved(data, step) for step in active])
+    places = np.searchsorted([each.start for each in made], [data.time[_middle(step)] for step in active], "right") - 1
+    kinds: dict[int, list[StepKind]] = {}
+    for step, charge, place in zip(active, charges, places.tolist(), strict=True):
+        if charge >= _SMALL * charges.max():
+            kinds.setdefault(place, []).append(step.kind)
+    often = {place: sum(a is not b for a, b in pairwise(each)) for place, each in kinds.items()}
+    bad = {made[place].number: count for place, count in often.items() if place >= 0 and count > 1}
+    found = "charge and discharge follow each other once in each cycle"
+    if not bad:
+        return _gate(name, True, found)
+    named = _named([f"cycle {number} {count} times" for number, count in bad.items()])
+    advice = "the column of cycles does not count them: leave it out, and the current tells the cycles"
+    return _gate(name, False, f"expected that {found}; {named}: {advice}", list(bad))
+
+
+def _moved(data: Series, step: Step) -> float:
+    part = slice(step.first, step.last + 1)
+    return float(np.trapezoid(np.abs(data.current[part]), data.time[part]))
+
+
+def _middle(step: Step) -> int:
+    return (step.first + step.last) // 2
 
 
 def _coulombic(made: Sequence[Cycle]) -> Gate:
