@@ -44,6 +44,24 @@ def test_the_interpreter_is_looked_at():
     assert "3.11" in doctor._python((3, 10, 0), 0).todo
 
 
+def test_what_changes_the_code_that_runs_is_named():
+    """Such a run closes nothing, which is better known before it than after."""
+    assert doctor._environment([]).ok
+    found = doctor._environment(["LD_PRELOAD", "PYTHONPATH", "/etc/ld.so.preload"])
+    assert (found.ok, found.todo) == (
+        False,
+        "unset LD_PRELOAD PYTHONPATH && take the libraries out of /etc/ld.so.preload",
+    )
+    assert found.detail.startswith("LD_PRELOAD, PYTHONPATH, /etc/ld.so.preload: ")
+
+
+def test_doctor_asks_for_the_environment(monkeypatch):
+    """The variables of this process are those that a run would have."""
+    monkeypatch.setenv("PYTHONPATH", "elsewhere")
+    found = next(each for each in doctor._checks() if each.name == "environment")
+    assert "PYTHONPATH" in found.detail
+
+
 def test_packages_are_compared_with_what_hil_needs():
     """A version outside its range and one that is missing are named; those of extras are not needed."""
     required = ("numpy>=2.0,<3", "click>=8.2", "pyvisa>=1; extra == 'visa'", "rich>=13")

@@ -36,8 +36,9 @@ _MOST = 5
 def command(*, as_json: bool) -> int:
     """Look whether this computer is fit for the benches of the workspace, and say what to type where it is not.
 
-    It looks at Python and packages, permissions and ports, udev rules, sleep and power, clock, disk and the folder of
-    latches. Nothing is changed and no port is opened. Outside a workspace it looks at the computer alone.
+    It looks at Python, its environment and packages, permissions and ports, udev rules, sleep and power, clock, disk
+    and the folder of latches. Nothing is changed and no port is opened. Outside a workspace it looks at the computer
+    alone.
 
     Exit code 0 if nothing is wrong, 1 otherwise.
     """
@@ -72,6 +73,22 @@ def _python(version: tuple[int, ...], optimize: int) -> Check:
     ok = version >= _PYTHON
     todo = "" if ok else "create the environment again with Python 3.11 or newer"
     return Check(name="Python", ok=ok, detail=f"{told} in {sys.prefix}", todo=todo)
+
+
+def _environment(changing: list[str]) -> Check:
+    """Look for what makes Python or its libraries execute other code than what is installed: it keeps runs open."""
+    from hil.bench.host_checks import Check  # noqa: PLC0415 - heavy
+
+    if not changing:
+        return Check(name="environment", ok=True, detail="nothing changes which code Python executes")
+    variables = [each for each in changing if not each.startswith("/")]
+    files = [f"take the libraries out of {each}" for each in changing if each.startswith("/")]
+    return Check(
+        name="environment",
+        ok=False,
+        detail=f"{', '.join(changing)}: a run made with this closes no requirement, since other code may have run",
+        todo=" && ".join([*([f"unset {' '.join(variables)}"] if variables else []), *files]),
+    )
 
 
 Installed = Callable[[str], str | None]
@@ -156,9 +173,11 @@ def _workspace() -> tuple[Workspace | None, list[BenchSpec], list[tuple[str, str
 def _checks() -> Iterator[Check]:
     from hil.bench.host_checks import Check, Computer, examine  # noqa: PLC0415 - heavy
     from hil.clock import wall  # noqa: PLC0415 - heavy
+    from hil.executive.setup.software import changing  # noqa: PLC0415 - heavy
 
     workspace, benches, problems = _workspace()
     yield _python(sys.version_info[:3], sys.flags.optimize)
+    yield _environment(changing())
     yield _packages(metadata.requires("hil") or (), _installed)
     if workspace is not None and (lock := workspace.root / "requirements.lock").is_file():
         yield _locked(lock.read_text(encoding="utf-8", errors="replace"), _installed)
