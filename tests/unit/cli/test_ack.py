@@ -259,3 +259,10 @@ def test_being_reached_needs_a_name_and_a_run_that_waits(capsys):
     """Nobody is reached by a run that is not going on."""
     assert "--code needs the name" in said(capsys, "ack", SAFED, "--code", "K7")[2]
     assert "it was interrupted" in said(capsys, "ack", SAFED, "--code", "K7", "--by", "Ada")[2]
+
+
+def test_the_time_that_is_left_is_told_once(capsys, reports):
+    """The words say that it is left, and the label does not say it again."""
+    with hold(reports / SAFED):
+        lines = said(capsys, "status", SAFED)[1].splitlines()
+    assert [line for line in lines if "left" in line] == ["estimate    at most 1 min left"]

@@ -70,7 +70,7 @@ def status_lines(found: RunSummary) -> list[str]:
         ("step", found.step),
         ("loop", ", ".join(str(turns) for turns in outlook.turns)),
         ("bench time", "" if damaged else bench_time(max(found.t, outlook.t))),
-        ("time left", str(outlook.left() or "")),
+        ("estimate", str(outlook.left() or "")),
         ("question", "" if outlook.asked is None else f"{outlook.asked.text} hil answer {folder.name}"),
         ("held", "" if outlook.held is None else outlook.held or "yes"),
         ("stopped by", found.stopped),
