@@ -393,17 +393,17 @@ def aliased():
     return table(times(), noise())
 
 
-@kind("rad/s where the data sheet has deg/s", (*ALLAN, "--noise-density", "0.01"), TRUTH)
+@kind("rad/s where the data sheet has deg/s", (*ALLAN, "--noise-density", "0.0141"), TRUTH)
 def radians():
     return table(times(), noise() * math.pi / 180)
 
 
-@kind("m/s^2 where the data sheet has g", ("allan", "FILE", "--time", "1", "--unit", "g", "--noise-density", "0.01"))
+@kind("m/s^2 where the data sheet has g", ("allan", "FILE", "--time", "1", "--unit", "g", "--noise-density", "0.0141"))
 def metres():
     return table(times(), noise() * 9.80665)
 
 
-@kind("mdeg/s where the data sheet has deg/s", (*ALLAN, "--noise-density", "0.01"))
+@kind("mdeg/s where the data sheet has deg/s", (*ALLAN, "--noise-density", "0.0141"))
 def milli():
     return table(times(), noise() * 1000)
 

@@ -95,15 +95,16 @@ def aliased(rate: float, facts: Facts) -> Gate:
 
 
 def density(values: NDArray[np.float64], rate: float) -> float:
-    """Return the density of white noise from the Allan deviation near 1 s: sigma sqrt(tau), per root of a hertz.
+    """Return the one-sided density of white noise, sqrt(2 tau) times the Allan deviation near 1 s, per root of a hertz.
 
-    NaN if the record shows none. A record below 4 s is read at its longest averaging time.
+    Data sheets state this; the coefficient N of the Allan deviation is two-sided, sqrt(2) smaller. NaN if the record
+    shows none. A record below 4 s is read at its longest averaging time.
     """
     try:
         curve = deviation(values, rate, [_second(values.size, rate)], holes=True)
     except Refused:
         return math.nan
-    return float(curve.deviation[0] * math.sqrt(curve.tau[0]))
+    return float(curve.deviation[0] * math.sqrt(2.0 * curve.tau[0]))
 
 
 def _second(samples: int, rate: float) -> float:
@@ -114,6 +115,11 @@ def density_agrees(channel: str, measured: float, facts: Facts) -> Gate:
     """Trip where the density is not within 0.5 and 3 times that of the data sheet; name the factor if it is known.
 
     The root of two lies within; it is named in the reason only.
+
+    Args:
+        channel: its name.
+        measured: one-sided, as `density` returns it.
+        facts: with the data sheet's density, one-sided.
     """
     name = "density"
     if facts.noise_density is None or not math.isfinite(measured):

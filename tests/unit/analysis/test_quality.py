@@ -9,7 +9,7 @@ import pytest
 
 from hil.analysis.extremes import resolved, rounding, saturated, spikes
 from hil.analysis.gates import Facts, stuck
-from hil.analysis.quality import density_agrees, judge, tripped
+from hil.analysis.quality import density, density_agrees, judge, tripped
 from hil.model.errors import Refused
 
 LSB = 1.0 / 131.0
@@ -147,11 +147,18 @@ def test_the_root_of_two_is_named_and_passes():
     assert "near 1.414, as when one-sided and two-sided densities are mixed up" in gate.reason
 
 
+def test_the_density_is_one_sided_as_in_a_data_sheet():
+    """White noise of one-sided density d has a variance of d^2 times half of the rate."""
+    one_sided = 0.0038 / math.sqrt(2.0)
+    _, channels = recording(count=200_000, level=one_sided / math.sqrt(2.0))
+    assert density(channels["x"], 100.0) == pytest.approx(one_sided, rel=0.08)
+
+
 def test_a_channel_in_radians_is_found_in_the_recording():
     """Readings divided by 57.3 have a density that the data sheet does not."""
     time, channels = recording()
     channels["z"] = channels["z"] * math.pi / 180.0
-    facts = Facts(rate=100.0, noise_density=0.0038, temperature="temperature")
+    facts = Facts(rate=100.0, noise_density=0.0038 * math.sqrt(2.0), temperature="temperature")
     found = tripped(time, channels, facts)
     assert [(gate.name, gate.channel) for gate in found] == [("alike", "z"), ("density", "z")]
     assert all("1/57.3" in gate.reason for gate in found)

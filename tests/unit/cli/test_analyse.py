@@ -106,6 +106,15 @@ def test_timestamps_may_count_milliseconds_and_have_gaps(tmp_path):
     assert "note: 20 samples are missing; averages that miss more than 5 %" in text
 
 
+def test_a_time_of_the_clock_is_in_seconds_whatever_the_column_says(tmp_path):
+    """h:min:s.ms is how the time is written, and its last word no unit."""
+    rows = [f"0:00:{n / 2:05.2f},{x:.6f}" for n, x in enumerate(np.random.default_rng(0).standard_normal(100))]
+    log = tmp_path / "log.csv"
+    log.write_text("\n".join(["Time(h:min:s.ms),rate", *rows]), encoding="utf-8")
+    document = json.loads(run(str(log), "--time", "1", "--unit", "deg/s", "--json").stdout)
+    assert document["sampling"]["rate"] == pytest.approx(2.0)
+
+
 def test_no_number_stands_beside_a_rejected_model():
     """What the fit gave is in the JSON for orientation; a person is given no number, and no averaging time either."""
     lines = run(SLICE, "--time", "1", "--columns", "3", "--unit", "LSB").stdout.splitlines()

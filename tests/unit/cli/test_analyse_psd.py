@@ -95,6 +95,24 @@ def test_the_data_sheet_is_compared_one_sided(log, sheet, suspicious, said):
     assert (compared["white"]["status"] == "inconclusive") is suspicious
 
 
+def test_the_allan_deviation_compares_with_the_data_sheet_as_the_spectrum_does(log):
+    """Both one-sided: the gate `density` of one finds the ratio of the other."""
+    compared = json.loads(run(log, *UNTIMED, "--density", "0.0141", "deg/s/sqrt(Hz)", "--json").stdout)["axes"][0]
+    allan = CliRunner().invoke(command, ["allan", log, *UNTIMED, "--noise-density", "0.0141", "--json"])
+    (gate,) = [each for each in json.loads(allan.stdout)["gates"] if each["name"] == "density"]
+    ratio = float(gate["reason"].partition("hertz, ")[2].partition(" times")[0])
+    assert ratio == pytest.approx(compared["data_sheet"]["ratio"]["value"], rel=0.15)
+
+
+def test_a_spectrum_leaves_out_segments(tmp_path):
+    """And no averages, of which it has none."""
+    times = np.delete(np.arange(4000) / 100.0, np.s_[1000:1100])
+    path = tmp_path / "gap.txt"
+    np.savetxt(path, np.column_stack([times, np.random.default_rng(0).standard_normal(3900)]))
+    text = " ".join(run(str(path), "--time", "1", "--unit", "deg/s").stdout.split())
+    assert "100 samples are missing; segments that miss more than 5 % of their samples are left out" in text
+
+
 def test_the_density_needs_a_unit_that_fits(log):
     """And only one of the two options."""
     with pytest.raises(HilError):

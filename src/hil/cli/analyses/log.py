@@ -181,8 +181,12 @@ def log_options(command: _Command) -> Callable[..., Any]:
     return made
 
 
-def obtain(wanted: Wanted) -> Log:
+def obtain(wanted: Wanted, parts: str = "averages") -> Log:
     """Read a log, understand its times, cut it to the part that is meant, and ask the gates.
+
+    Args:
+        wanted: which samples.
+        parts: of the record, as the analysis calls what it leaves out where too many samples are missing.
 
     Raises:
         Refused: what cannot be read, or is no series of samples.
@@ -209,7 +213,7 @@ def obtain(wanted: Wanted) -> Log:
         sampling=timed.report,
         channels=_on_grid(timed, channels),
         gates=gates,
-        remarks=(*table.remarks, *timed.remarks, *_missing(channels, timed.report), *_rounded(channels, facts)),
+        remarks=(*table.remarks, *timed.remarks, *_missing(channels, timed.report, parts), *_rounded(channels, facts)),
         coped=coped,
     )
 
@@ -252,10 +256,10 @@ def _timed(wanted: Wanted, table: Table) -> _Timed:
     from hil.analysis.timeline import time_unit, timeline  # noqa: PLC0415 - start-up stays light
 
     raw = table.values[:, 0]
-    unit, told = time_unit(wanted.time_unit, table.names[0], raw)
+    unit, told = ("s", "") if table.clocked else time_unit(wanted.time_unit, table.names[0], raw)
     try:
         line: Timeline = timeline(
-            raw, unit, typed=wanted.time_unit is not None or bool(told), values=table.values[:, 1:]
+            raw, unit, typed=table.clocked or wanted.time_unit is not None or bool(told), values=table.values[:, 1:]
         )
     except Refused as error:
         raise Refused(f"{wanted.file}: {error.message}", error.hint) from None
@@ -317,12 +321,12 @@ def _on_grid(timed: _Timed, channels: Mapping[str, NDArray[np.float64]]) -> dict
     return found
 
 
-def _missing(channels: Mapping[str, NDArray[np.float64]], report: SamplingReport | None) -> list[str]:
+def _missing(channels: Mapping[str, NDArray[np.float64]], report: SamplingReport | None, parts: str) -> list[str]:
     counts = {name: int((values != values).sum()) for name, values in channels.items()}  # noqa: PLR0124 - NaN alone differs
     told = [f"column {name}: {count} samples are NaN and count as missing" for name, count in counts.items() if count]
     if report is not None and report.missing:
         number = f"{report.missing} samples are" if report.missing > 1 else "1 sample is"
-        told.append(f"{number} missing; averages that miss more than 5 % of their samples are left out")
+        told.append(f"{number} missing; {parts} that miss more than 5 % of their samples are left out")
     return told
 
 

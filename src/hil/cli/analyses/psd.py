@@ -87,7 +87,7 @@ def psd(
     from hil.cli.analyses import psd_text  # noqa: PLC0415 - start-up stays light
 
     sheet = _sheet(wanted, density)
-    log = obtain(replace(wanted, noise_density=None))
+    log = obtain(replace(wanted, noise_density=None), parts="segments")
     axes = []
     for name, values in log.channels.items():
         noise = spectral(
@@ -133,7 +133,7 @@ def _compared(axis: Axis, log: Log, sheet: float) -> Axis:
     found = axis.noise.density
     value = found.value
     if found.status is not FigureStatus.MEASURED:  # the density near 1 s still shows a wrong unit
-        value = math.sqrt(2.0) * quality.density(log.channels[axis.name], log.rate)
+        value = quality.density(log.channels[axis.name], log.rate)
     gate = quality.density_agrees(axis.name, value, Facts(noise_density=sheet))
     return replace(
         axis,
