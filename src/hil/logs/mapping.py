@@ -36,7 +36,7 @@ UNITS: Keys[str, Keys[str, float]] = {
 """Units by quantity: the first is the one that is computed in, the numbers are factors to it; K has an offset, too."""
 
 _KELVIN = 273.15
-_SUFFIX = re.compile(r"(?:[/(\[]\s*([^/()\[\]]+?)\s*[)\]]?|[\s_.,]([^\s_.,]+))\s*$")
+_SUFFIX = re.compile(r"(?:[/(\[]\s*([^/()\[\]]+?)\s*[)\]]?|[\s_.,]([^\s_.,/()\[\]]+))\s*$")
 _RESTS = 0.02  # of the usual current: below it nothing flows that a direction could be asked of
 _HALF = 0.5  # of what a counter had: it starts anew where it falls below, and does not merely round
 

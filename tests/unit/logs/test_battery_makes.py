@@ -289,3 +289,16 @@ def test_a_state_in_two_lists_is_refused(tmp_path):
         CliRunner().invoke(
             command, ["battery", str(log), "--mapping", str(mapping)], catch_exceptions=False, standalone_mode=False
         )
+
+
+@pytest.mark.parametrize("head", ["t,Voltage [mV],Q/mA\n", "t,U (mV),I_1/mA\n", "t,U,I\ns,mV,mA\n"])
+def test_units_after_a_space_or_in_a_line_of_their_own(tmp_path, head):
+    """Millivolts and milliamperes are understood, and said."""
+    log = tmp_path / "test.csv"
+    rows = "".join(f"{10 * n},{3600 + n},{0 if n < 5 else 1500}\n" for n in range(100))
+    log.write_text(head + rows, encoding="utf-8")
+    names = ("--time", "1", "--voltage", "2", "--current", "3")
+    result = CliRunner().invoke(command, ["battery", str(log), *names], standalone_mode=False)
+    assert "note: voltage is in mV, as the column's name" in result.stdout
+    assert "note: current is in mA, as the column's name" in result.stdout
+    assert "highest_voltage: 3.699 V" in result.stdout
