@@ -368,3 +368,14 @@ def test_milliseconds_in_a_line_of_units_are_understood(tmp_path):
     text = run(str(log), "--time", "t", "--unit", "deg/s").stdout
     assert "sampling: 1000" in text
     assert "times are in ms, as the column's name 't [ms]' says" in text
+
+
+@pytest.mark.parametrize(("name", "other"), [("gx [rad/s]", "rad/s"), ("gx (mdeg/s)", "mdeg/s")])
+def test_a_unit_in_the_name_of_a_column_that_contradicts_is_told(tmp_path, name, other):
+    """The numbers are taken as was typed; a name that says nothing else, or no unit, is no contradiction."""
+    values = np.random.default_rng(0).standard_normal((500, 3))
+    log = tmp_path / "log.csv"
+    np.savetxt(log, values, delimiter=",", header=f"{name},gy [deg/s],gz (raw)", comments="")
+    text = " ".join(run(str(log), "--rate", "50", "--unit", "deg/s").stdout.split())
+    assert f"--unit says deg/s, but the name of column '{name}' says {other}: check which is right" in text
+    assert text.count("check which is right") == 1

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable, Mapping
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -33,6 +34,7 @@ _TIME_UNITS = ("s", "ms", "us", "ns", "min", "h", "d")
 _LARGEST, _SMALLEST = 1e100, 1e-100  # beyond these a square is no number any more
 _JITTER = 0.6  # of an interval, rms: with more nobody can tell which sample is which
 _COPED = frozenset({"gaps", "jitter", "rate"})  # what averages over evenly placed samples can cope with
+_BRACKETS = re.compile(r"[\[(]([^\[\]()]+)[\])]\s*$")  # a unit at the end of a column's name
 _LEAST_OF_CLOCK = 10  # samples
 _TOLD = 0.005  # of white noise, added by rounding
 
@@ -213,9 +215,25 @@ def obtain(wanted: Wanted, parts: str = "averages") -> Log:
         sampling=timed.report,
         channels=_on_grid(timed, channels),
         gates=gates,
-        remarks=(*table.remarks, *timed.remarks, *_missing(channels, timed.report, parts), *_rounded(channels, facts)),
+        remarks=(
+            *table.remarks,
+            *timed.remarks,
+            *_named(channels, wanted.unit),
+            *_missing(channels, timed.report, parts),
+            *_rounded(channels, facts),
+        ),
         coped=coped,
     )
+
+
+def _named(channels: Iterable[str], unit: str) -> Iterator[str]:
+    """Yield a remark for each column whose name ends in another unit than the one that was typed."""
+    from hil.requirements.units import same  # noqa: PLC0415 - slow to import
+
+    for name in channels:
+        found = _BRACKETS.search(name)
+        if found is not None and not same(found[1].strip(), unit):
+            yield f"--unit says {unit}, but the name of column '{name}' says {found[1].strip()}: check which is right"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
