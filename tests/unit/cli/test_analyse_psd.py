@@ -142,3 +142,9 @@ def test_a_density_in_a_unit_of_something_else_is_refused():
         Refused, match=r"--density: 'deg/s' does not convert to 'deg/s/sqrt\(Hz\)'; give it in deg/s/sq"
     ):
         run("none.csv", *UNTIMED, "--density", "0.01", "deg/s")
+
+
+def test_points_without_json_are_refused():
+    """They would be dropped without a word."""
+    with pytest.raises(Refused, match="--points changes nothing without --json; add --json, or leave --points out"):
+        run("none.csv", *UNTIMED, "--points")

@@ -86,6 +86,8 @@ def psd(
     from hil.analysis import psd as spectral  # noqa: PLC0415 - as above
     from hil.cli.analyses import psd_text  # noqa: PLC0415 - start-up stays light
 
+    if points and not as_json:
+        raise Refused("--points changes nothing without --json", "add --json, or leave --points out")
     sheet = _sheet(wanted, density)
     log = obtain(replace(wanted, noise_density=None), parts="segments")
     axes = []
