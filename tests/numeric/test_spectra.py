@@ -215,7 +215,7 @@ def test_missing_samples_leave_the_level():
 @pytest.mark.parametrize(
     ("give", "message"),
     [
-        (lambda x: spectrum(x[:8], RATE), "no spectrum"),
+        (lambda x: spectrum(x[:8], RATE), "too few for a spectrum"),
         (lambda x: spectrum(x, 0.0), "no sampling rate"),
         (lambda x: spectrum(x, RATE, how=Welch(segment=5000)), "segment of 5000"),
         (lambda x: spectrum(x, RATE, how=Welch(overlap=1.0)), "overlap 1"),
