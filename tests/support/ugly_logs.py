@@ -996,7 +996,13 @@ def battery_commas():
     return battery_even().replace(",", ";").replace(".", ",").replace("T\n", "T\ns;V;A;\n", 1)
 
 
-def page() -> str:
+def all_said() -> dict[str, Said]:
+    """Return what the commands say to every kind."""
+    with tempfile.TemporaryDirectory() as folder:
+        return {name: said(ugly, Path(folder)) for name, ugly in KINDS.items()}
+
+
+def page(everything: dict[str, Said]) -> str:
     """Return the page: a row for each kind, with what the command says."""
     lines = [
         "# Ugly logs",
@@ -1010,16 +1016,14 @@ def page() -> str:
         "| log | command | outcome | what is said |",
         "|---|---|---|---|",
     ]
-    with tempfile.TemporaryDirectory() as folder:
-        for ugly in KINDS.values():
-            found = said(ugly, Path(folder))
-            options = " ".join(
-                "MAPPING" if each.startswith("schema:") else each for each in ugly.command if each != "FILE"
-            )
-            sentence = found.sentence.replace("|", "\\|") or "nothing"
-            lines.append(f"| {ugly.title} | `{options}` | {found.outcome} | {sentence} |")
+    for name, found in everything.items():
+        options = " ".join(
+            "MAPPING" if each.startswith("schema:") else each for each in KINDS[name].command if each != "FILE"
+        )
+        sentence = found.sentence.replace("|", "\\|") or "nothing"
+        lines.append(f"| {KINDS[name].title} | `{options}` | {found.outcome} | {sentence} |")
     return "\n".join(lines) + "\n"
 
 
 if __name__ == "__main__":
-    PAGE.write_text(page(), encoding="utf-8")
+    PAGE.write_text(page(all_said()), encoding="utf-8")
