@@ -18,13 +18,13 @@ def test_long(field, record, iterations):
 """
 
 
-def until(process, text: str) -> str:
-    """Read standard output until a line holds `text`, and return the line."""
+def until(process, *texts: str) -> str:
+    """Read standard output until a line holds all `texts`, and return the line."""
     STARTED.append(process)
     for line in process.stdout:
-        if text in line:
+        if all(text in line for text in texts):
             return line
-    raise AssertionError(f"it ended before it said {text!r}: {process.stderr.read()}")
+    raise AssertionError(f"it ended before it said {texts}: {process.stderr.read()}")
 
 
 @pytest.fixture
@@ -55,7 +55,7 @@ def test_a_run_is_told_to_machines(running):
     """A document a second: what is left, the loop, and the newest values with the envelope's limits."""
     workspace, run = running
     follower = workspace.start("status", "latest", "--follow", "--json")
-    told = json.loads(until(follower, '"envelope":true'))
+    told = json.loads(until(follower, '"envelope":true', '"turn":'))
     kill(run)
     assert json.loads(finish(follower).out.splitlines()[-1])["state"] == "INTERRUPTED"
     (turn,) = told["turns"]
