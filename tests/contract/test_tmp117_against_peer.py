@@ -228,7 +228,7 @@ def test_what_a_wire_and_a_truth_cannot_say():
 
 @pytest.mark.parametrize("chip", CHIPS, ids=lambda chip: chip.named)
 def test_the_temperature_of_another_chip_is_a_thermometer(chip):
-    """It is the chip's own number, and the thermometer does not start anew what runs."""
+    """It is the chip's own number, and the thermometer does not start over what runs."""
     made = Bench(chip, truth=chip.truth)
     thermometer = made.driver.role(Wire(role="thermometer", instrument="device"))
     with pytest.raises(Refused, match="has not been started"):

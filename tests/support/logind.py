@@ -49,7 +49,7 @@ class Logind:
         return bool(select.select([self._held[-1]], [], [], seconds)[0])
 
     def drop(self) -> None:
-        """End every hold from this side, as a logind that is started anew without its memory."""
+        """End every hold from this side, as a logind that is started over without its memory."""
         while self._held:
             os.close(self._held.pop())
 

@@ -1,4 +1,4 @@
-"""A machine whose clocks a test moves while processes run on it: suspended, set to another time, started anew."""
+"""A machine whose clocks a test moves while processes run on it: suspended, set to another time, started over."""
 
 from __future__ import annotations
 

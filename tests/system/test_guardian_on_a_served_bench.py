@@ -70,7 +70,7 @@ def driven(folder, tmp_path, stack):
     executive = Executive(plan, dict(reach.ports), stack)
     until = time.monotonic() + 20.0
     while wrong := [each for each in executive.ask("drill")["results"] if not each["ok"]]:
-        assert time.monotonic() < until, wrong  # the cycler's board starts anew when its port is opened again
+        assert time.monotonic() < until, wrong  # the cycler's board starts over when its port is opened again
     executive.arm()
     for path, (device, text) in ON.items():
         executive.ask("write", device=device, text=text)

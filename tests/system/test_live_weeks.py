@@ -73,7 +73,7 @@ def a_guardian(run, _):
 
 
 def a_reboot(run, _):
-    """The machine starts anew, some minutes later."""
+    """The machine starts over, some minutes later."""
     assert run.kill().code == 3
     run.machine.is_set(GLITCH_S)
 

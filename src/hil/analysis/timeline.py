@@ -143,7 +143,7 @@ def _counted(number: int, what: str) -> str:
 
 
 def unwrapped(raw: _Array) -> tuple[_Array, tuple[str, ...]]:
-    """Return timestamps with a counter continued that starts anew where its range ends, and a remark if there is one.
+    """Return timestamps with a counter continued that starts over where its range ends, and a remark if there is one.
 
     Args:
         raw: as they are written, shape (n,).
@@ -166,7 +166,7 @@ def unwrapped(raw: _Array) -> tuple[_Array, tuple[str, ...]]:
             turns[back[large] + 1] = modulus
             often = "once" if large.sum() == 1 else f"{large.sum()} times"
             at = ", ".join(str(place + 2) for place in back[large][:_NAMED].tolist())
-            told = f"times start anew {often}, at sample {at}, as a counter of {modulus:.10g} does: continued"
+            told = f"times start over {often}, at sample {at}, as a counter of {modulus:.10g} does: continued"
             return np.asarray(raw + np.cumsum(turns)), (told,)
     return raw, ()
 

@@ -38,14 +38,14 @@ UNITS: Keys[str, Keys[str, float]] = {
 _KELVIN = 273.15
 _SUFFIX = re.compile(r"(?:[/(\[]\s*([^/()\[\]]+?)\s*[)\]]?|[\s_.,]([^\s_.,/()\[\]]+))\s*$")
 _RESTS = 0.02  # of the usual current: below it nothing flows that a direction could be asked of
-_HALF = 0.5  # of what a counter had: it starts anew where it falls below, and does not merely round
+_HALF = 0.5  # of what a counter had: it starts over where it falls below, and does not merely round
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Columns:
     """Columns by number or name, empty where there is none.
 
-    The number of the `step` tells a time that starts anew also after a step of one row.
+    The number of the `step` tells a time that starts over also after a step of one row.
     Without `discharge`, `charge` counts in both directions, as does `charge_energy` without `discharge_energy`.
     """
 
@@ -113,7 +113,7 @@ class Mapping:
         units: of columns whose names do not say them.
         states: what the words of the column `state` mean.
         discharge_positive: whether a current above zero discharges.
-        time_restarts: what it means that the time starts anew: `step`, it is that of a step, which begins where the one
+        time_restarts: what it means that the time starts over: `step`, it is that of a step, which begins where the one
             before ended; `run`, it is that of a run, and nobody knows what lies between; empty if it does not.
         cell: what is known of the cell.
         accuracy: of the meters.
@@ -153,7 +153,7 @@ class Mapped:
 
         A counter that never moves is none.
 
-        A counter that falls back starts anew: from zero where the row before rests; else the samples stand for what
+        A counter that falls back starts over: from zero where the row before rests; else the samples stand for what
         flowed between the two rows, which no count holds.
 
         Args:
@@ -173,9 +173,9 @@ class Mapped:
         net = np.zeros(size.size)
         for name, way in ways:
             counter = _held(np.abs(self.columns[name]))
-            anew = counter[1:] < _HALF * counter[:-1]
+            fell = counter[1:] < _HALF * counter[:-1]
             sampled = np.clip(np.nan_to_num(way[1:] * passed), 0.0, None)
-            steps = np.where(anew, np.where(rests[:-1], counter[1:], sampled), np.diff(counter))
+            steps = np.where(fell, np.where(rests[:-1], counter[1:], sampled), np.diff(counter))
             net[1:] += np.cumsum(np.nan_to_num(way[1:]) * steps)
         return (net, float(net[-1])) if net.any() else (None, None)
 
@@ -304,7 +304,7 @@ def _directed(columns: dict[str, NDArray[np.float64]]) -> NDArray[np.int64]:
 def restarted(
     time: NDArray[np.float64], how: str, step: NDArray[np.float64] | None = None
 ) -> tuple[NDArray[np.float64], NDArray[np.int64] | None, tuple[str, ...]]:
-    """Return a time that starts anew as one that runs on, the number of each row's stretch, and remarks.
+    """Return a time that starts over as one that runs on, the number of each row's stretch, and remarks.
 
     Args:
         time: in s.
@@ -329,11 +329,11 @@ def restarted(
     added = np.zeros(time.size)
     added[back + 1] = time[back]
     if how == "step":
-        told = f"the time starts anew {often}, first at row {back[0] + 2}: a step begins where the one before ended"
+        told = f"the time starts over {often}, first at row {back[0] + 2}: a step begins where the one before ended"
         return time + np.cumsum(added), None, (told,)
     forward = steps[steps > 0.0]
     added[back + 1] += (float(np.median(forward)) if forward.size else 1.0) - time[back + 1]
     stretch = np.zeros(time.size, dtype=np.int64)
     stretch[back + 1] = 1
-    told = f"the time starts anew {often}, first at row {back[0] + 2}: what lies between is not known"
+    told = f"the time starts over {often}, first at row {back[0] + 2}: what lies between is not known"
     return time + np.cumsum(added), np.cumsum(stretch), (told,)

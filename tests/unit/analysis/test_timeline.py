@@ -14,7 +14,7 @@ def test_counters_that_wrap_are_continued(modulus):
     even = modulus * (0.9 + 0.001 * np.arange(1500))
     raw, told = unwrapped(even % modulus)
     assert np.allclose(np.diff(raw), 0.001 * modulus, rtol=1e-6)
-    assert "start anew 2 times, at sample 101, 1101" in told[0]
+    assert "start over 2 times, at sample 101, 1101" in told[0]
 
 
 @pytest.mark.parametrize("back", [2.0, 17.0, 49.0])

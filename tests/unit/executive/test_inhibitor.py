@@ -54,7 +54,7 @@ def test_a_copy_of_the_descriptor_goes_on_holding(bus):
 
 
 def test_a_hold_that_logind_ends_is_told_and_can_be_taken_again(bus):
-    """A logind that was started anew may have forgotten it."""
+    """A logind that was started over may have forgotten it."""
     with serving_logind(bus) as logind, Inhibitor("a run") as inhibitor:
         logind.drop()
         assert inhibitor.lost() == "the inhibitor was released"

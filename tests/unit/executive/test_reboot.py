@@ -1,4 +1,4 @@
-"""A machine that was started anew between a run's end and its resumption."""
+"""A machine that was started over between a run's end and its resumption."""
 
 from __future__ import annotations
 

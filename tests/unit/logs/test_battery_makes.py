@@ -46,7 +46,7 @@ class Test:
         return np.append(0.0, np.cumsum(np.diff(self.time) * (rate[:-1] + rate[1:]) / 7200.0))
 
     def per_step(self, counters):
-        """Return a counter of both directions that starts anew with each step."""
+        """Return a counter of both directions that starts over with each step."""
         both = counters[1] + counters[-1]
         first = np.append(True, np.diff(self.step) != 0)
         base = np.append(0.0, both[:-1])[np.maximum.accumulate(np.where(first, np.arange(both.size), 0))]

@@ -83,7 +83,7 @@ def closed(server, device):
 
 
 def test_opening_a_port_after_a_closing_is_noticed(folder):
-    """A tester that is reset by DTR starts anew whenever its port is opened, and only then."""
+    """A tester that is reset by DTR starts over whenever its port is opened, and only then."""
     with serving(folder, "battery") as server:
         control = NetworkClient(folder / CONTROL)
         for _ in range(2):

@@ -46,7 +46,7 @@ _UPPER, _LOWER, _CUT_OFF = 4.2, 2.7, 0.05  # V, V, A
 @click.option(
     "--time-restarts",
     type=click.Choice(["step", "run"]),
-    help="The time starts anew with each step, or with each run after an unknown time.",
+    help="The time starts over with each step, or with each run after an unknown time.",
 )
 @click.option("--discharge-positive", is_flag=True, help="The log counts discharge current as positive.")
 @click.option(

@@ -226,7 +226,7 @@ def _compiled_copy(file: str) -> list[CodeType]:
     """Return the code in the compiled copy of a source that was loaded before anybody listened, none without one."""
     try:
         data, its = Path(cache_from_source(file)).read_bytes(), os.stat(file)  # noqa: PTH116 - by the name as it is
-    except (OSError, NotImplementedError, ValueError):
+    except (OSError, NotImplementedError, ValueError):  # not there; a Python that keeps none; no name of a source
         return []
     flags = int.from_bytes(data[4:8], "little")
     stamp = int(its.st_mtime).to_bytes(8, "little")[:4] + its.st_size.to_bytes(8, "little")[:4]

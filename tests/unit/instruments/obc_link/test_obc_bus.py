@@ -94,7 +94,7 @@ def test_the_speed_is_set_once_before_the_first_transfer(bus, port):
 
 
 def test_the_speed_is_set_again_after_a_reset(bus, port):
-    """A board that has started anew has forgotten its speed."""
+    """A board that has started over has forgotten its speed."""
     port.answers[I2C] = results(WRITTEN)
     bus.write_byte(0x68, 1)
     port.before = boot_notice(42)
