@@ -32,31 +32,29 @@ def theirs(values):
     return allantools.oadev(values, rate=1000.0, data_type="freq", taus="octave")
 
 
-def test_octaves_of_a_long_record(pair, record, monkeypatch):
-    """With intervals and noise types against allantools without, a sample: NumPy alone."""
-    monkeypatch.setattr(strided, "_fine", lambda: strided._plain)
+def against_allantools(pair, name, record):
+    """Measure a deviation with intervals and noise types in turns with one without."""
     pair(
-        "Allan deviation, NumPy / allantools",
+        name,
         lambda: deviation(record, 1000.0),
         lambda: theirs(record),
         units=record.size,
         rounds=3,
         clock=time.process_time,
     )
+
+
+def test_octaves_of_a_long_record(pair, record, monkeypatch):
+    """With intervals and noise types against allantools without, a sample: NumPy alone."""
+    monkeypatch.setattr(strided, "_fine", lambda: strided._plain)
+    against_allantools(pair, "Allan deviation, NumPy / allantools", record)
 
 
 def test_octaves_of_a_long_record_compiled(pair, record):
     """The same with `hil[fast]`."""
     if strided.compiled() is None:
         pytest.skip("hil[fast] is not installed")
-    pair(
-        "Allan deviation, Numba / allantools",
-        lambda: deviation(record, 1000.0),
-        lambda: theirs(record),
-        units=record.size,
-        rounds=3,
-        clock=time.process_time,
-    )
+    against_allantools(pair, "Allan deviation, Numba / allantools", record)
 
 
 def test_channels_on_two_cores(pair, record):

@@ -5,11 +5,11 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 
 from hil.analysis.allan.results import AllanCurve, NoiseModel
 from hil.analysis.gates import Gate
-from hil.cli.analyses.log import INCONCLUSIVE, Log, gates_as_json, status
+from hil.cli.analyses.log import INCONCLUSIVE, Log, log_as_json, status
 from hil.model.figure import Figure, FigureStatus
 from hil.report.tables import aligned, fitting
 
@@ -65,16 +65,8 @@ class Result:
 
 def as_json(result: Result) -> str:
     """Return the result as one JSON document; what is not finite is null."""
-    log = result.log
-    document = {
-        "format": 1,
-        "file": log.file,
-        "status": INCONCLUSIVE if any(axis.doubts for axis in result.axes) else "conclusive",
-        "sampling": asdict(log.sampling) if log.sampling else None,
-        "remarks": list(log.remarks),
-        "gates": gates_as_json(log.gates),
-        "axes": [_axis(axis) for axis in result.axes],
-    }
+    doubted = any(axis.doubts for axis in result.axes)
+    document = {**log_as_json(result.log, doubted=doubted), "axes": [_axis(axis) for axis in result.axes]}
     return json.dumps(document, allow_nan=False, indent=2)
 
 

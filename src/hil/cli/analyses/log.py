@@ -24,7 +24,17 @@ if TYPE_CHECKING:
     from hil.analysis.timeline import Timeline
     from hil.logs.columns import Table
 
-__all__ = ["INCONCLUSIVE", "Log", "Wanted", "gates_as_json", "log_options", "obtain", "status", "time_unit_option"]
+__all__ = [
+    "INCONCLUSIVE",
+    "Log",
+    "Wanted",
+    "gates_as_json",
+    "log_as_json",
+    "log_options",
+    "obtain",
+    "status",
+    "time_unit_option",
+]
 
 INCONCLUSIVE = "inconclusive"
 """Status of what was computed from a log that a gate speaks against."""
@@ -131,6 +141,24 @@ def status(doubts: tuple[Gate, ...], otherwise: str) -> str:
 def gates_as_json(gates: tuple[Gate, ...]) -> list[dict[str, object]]:
     """Return gates as a JSON document holds them."""
     return [asdict(gate) for gate in gates]
+
+
+def log_as_json(log: Log, *, doubted: bool, gates: tuple[Gate, ...] = ()) -> dict[str, object]:
+    """Return how the JSON document of a log's analysis begins.
+
+    Args:
+        log: what was analysed.
+        doubted: whether a gate speaks against any of its channels.
+        gates: what the analysis asked besides the log's own gates.
+    """
+    return {
+        "format": 1,
+        "file": log.file,
+        "status": INCONCLUSIVE if doubted else "conclusive",
+        "sampling": asdict(log.sampling) if log.sampling else None,
+        "remarks": list(log.remarks),
+        "gates": gates_as_json((*log.gates, *gates)),
+    }
 
 
 def time_unit_option(command: _Command) -> _Command:

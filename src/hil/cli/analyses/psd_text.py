@@ -5,14 +5,14 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 from hil.analysis.gates import Gate
 from hil.analysis.spectra.coefficients import Agreement, SpectralNoise
 from hil.analysis.spectra.lines import Line
 from hil.analysis.spectra.welch import interval
 from hil.cli.analyses.allan_text import called, heading, stated
-from hil.cli.analyses.log import INCONCLUSIVE, Log, gates_as_json, status
+from hil.cli.analyses.log import INCONCLUSIVE, Log, log_as_json, status
 from hil.model.figure import Figure, FigureStatus, encoded
 from hil.report.tables import aligned, fitting
 
@@ -70,14 +70,10 @@ def as_json(result: Result, *, points: bool) -> str:
         result: what was found.
         points: whether to give every point of the spectrum besides the bands.
     """
-    log = result.log
+    doubted = any(axis.doubts for axis in result.axes)
+    gates = tuple(axis.comparison.gate for axis in result.axes if axis.comparison)
     document = {
-        "format": 1,
-        "file": log.file,
-        "status": INCONCLUSIVE if any(axis.doubts for axis in result.axes) else "conclusive",
-        "sampling": asdict(log.sampling) if log.sampling else None,
-        "remarks": list(log.remarks),
-        "gates": gates_as_json((*log.gates, *(axis.comparison.gate for axis in result.axes if axis.comparison))),
+        **log_as_json(result.log, doubted=doubted, gates=gates),
         "axes": [_axis(axis, points=points) for axis in result.axes],
     }
     return json.dumps(encoded(document), allow_nan=False, indent=2)
