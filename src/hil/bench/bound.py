@@ -178,6 +178,7 @@ def _connect(bench: BoundBench, instrument: InstrumentSpec) -> Connection:
         port=None if instrument.bus else _port(bench, instrument),
         bus=_bus(bench, instrument) if instrument.bus else None,
         address=instrument.address,
+        second_address=instrument.second_address,
         timeout=instrument.timeout_s or LONGEST_REPLY_S,
         terminator=instrument.line_end,
     )

@@ -26,6 +26,8 @@ __all__ = [
     "OpenedAnew",
     "Outlet",
     "ServesBus",
+    "Strap",
+    "Strapped",
     "offers",
 ]
 
@@ -45,6 +47,19 @@ class Outlet:
 
     channel: int
     on: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Strap:
+    """How one address of a device on a bus is chosen.
+
+    Attributes:
+        pin: that sets it, empty where it cannot be chosen.
+        addresses: that there are, the usual one first; none where they are not known.
+    """
+
+    pin: str
+    addresses: tuple[int, ...]
 
 
 class Clamps:
@@ -85,6 +100,7 @@ class Connection:
         port: its byte stream, None if it is on a bus.
         bus: its bus.
         address: on the bus, or of the unit on a shared line.
+        second_address: on the bus, of the chip's second die; 0 for its usual one.
         timeout: how long one of its replies may take [s]; the driver and the guardian keep to the same limit.
         terminator: what ends a line, where the bench file says it; drivers that offer `TERMINATED` look at it.
     """
@@ -95,6 +111,7 @@ class Connection:
     port: Port | None = None
     bus: I2cBus | None = None
     address: int = 0
+    second_address: int = 0
     timeout: float = LONGEST_REPLY_S
     terminator: bytes = b""
 
@@ -132,6 +149,16 @@ class NamesInputs(Protocol):
     @staticmethod
     def inputs(wire: Wire) -> Mapping[str, str]:
         """Return the unit of each input that the wire names; what it does not name rightly is left out."""
+        ...
+
+
+@runtime_checkable
+class Strapped(Protocol):
+    """A driver whose device on a bus answers at some addresses only, or at two at once."""
+
+    @classmethod
+    def straps(cls) -> tuple[Strap, ...]:
+        """Return how each of its addresses is chosen: that of `address`, and where there are two, `second_address`."""
         ...
 
 

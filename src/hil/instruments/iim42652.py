@@ -17,9 +17,10 @@ import numpy as np
 
 from hil.clock.port import Clock
 from hil.instruments import settings
+from hil.instruments.sampled import Channel
+from hil.instruments.sensors.axes import Sampling, three_axes
 from hil.instruments.sensors.fifo import Fifo, Packets
-from hil.instruments.sensors.gyroscope import FifoGyroscope
-from hil.instruments.sensors.recorder import Sampling
+from hil.instruments.sensors.recorder import FifoSensor
 from hil.instruments.sensors.registers import Banks, Registers
 from hil.instruments.sensors.scale import Scale
 from hil.instruments.sensors.sensor import Chip, Sensor, SensorDriver
@@ -156,7 +157,7 @@ class Iim42652Settings:
     line: Annotated[int, whole(0, _MOST_LINE)] = 0
 
 
-class Iim42652Gyroscope(FifoGyroscope):
+class Iim42652Gyroscope(FifoSensor):
     """One sensor, its accelerometer off; numbers that it marks invalid, as while the gyroscope is off, are NaN."""
 
     chip: ClassVar[Chip] = Chip(
@@ -165,11 +166,13 @@ class Iim42652Gyroscope(FifoGyroscope):
         role="gyroscope",
         identity=(Register.WHO_AM_I, 0x6F),
         strap="AD0",
+        addresses=(0x68, 0x69),
         banks=Banks(register=Register.REG_BANK_SEL, most=4),
     )
+    measures: ClassVar[tuple[Channel, ...]] = three_axes("deg/s")
     fifo: ClassVar[Fifo] = FIFO
     outputs: ClassVar[tuple[int, int]] = (Register.TEMP_DATA, 14)  # temperature, accelerometer, gyroscope
-    rates_at: ClassVar[int] = 8
+    axes_at: ClassVar[int] = 8
 
     def __init__(self, registers: Registers, clock: Clock, wire: Wire) -> None:
         own = settings.read(wire, Iim42652Settings)

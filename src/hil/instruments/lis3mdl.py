@@ -14,6 +14,7 @@ from typing import Annotated, ClassVar
 from hil.clock.port import Clock
 from hil.instruments import settings
 from hil.instruments.sampled import Channel
+from hil.instruments.sensors.axes import three_axes
 from hil.instruments.sensors.registers import Registers
 from hil.instruments.sensors.scale import Scale
 from hil.instruments.sensors.sensor import Chip, Sensor, SensorDriver
@@ -66,9 +67,10 @@ class Lis3mdlMagnetometer(Sensor):
         role="magnetometer",
         identity=(_WHO_AM_I, _ITS_NAME),
         strap="SA1",
+        addresses=(0x1C, 0x1E),
         increment=_AUTO_INCREMENT,
     )
-    measures: ClassVar[tuple[Channel, ...]] = (*(Channel(a, "uT") for a in "xyz"), Channel("temperature", "degC"))
+    measures: ClassVar[tuple[Channel, ...]] = three_axes("uT")
 
     def __init__(self, registers: Registers, clock: Clock, wire: Wire) -> None:
         super().__init__(registers, clock, wire)

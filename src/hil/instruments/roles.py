@@ -13,6 +13,7 @@ from hil.model.figure import Figure
 from hil.model.safing import SafeBytes
 
 __all__ = [
+    "ACCELEROMETER",
     "CYCLER",
     "GYROSCOPE",
     "MAGNETOMETER",
@@ -21,6 +22,7 @@ __all__ = [
     "ROTATION_TABLE",
     "SUPPLY",
     "THERMAL",
+    "Accelerometer",
     "Beaten",
     "Gyroscope",
     "Magnetometer",
@@ -242,6 +244,40 @@ class Gyroscope(Streamed, Protocol):
         ...
 
 
+class Accelerometer(Sampled, Protocol):
+    """A three-axis accelerometer: channels x, y, z in m/s2, 9.8 upwards at rest, and temperature in degC."""
+
+    @drives
+    def start(self) -> None:
+        """Wake the sensor at the range, rate and bandwidth of the wiring, and wait for its first valid sample."""
+        ...
+
+    @drives
+    def stop(self) -> None:
+        """Switch the sensor's accelerometer off."""
+        ...
+
+    @reads
+    def temperature(self) -> Annotated[Figure, "degC"]:
+        """Return the sensor's own temperature in degC; NoReply where it is marked invalid."""
+        ...
+
+    @reads
+    def bandwidth(self) -> Annotated[Figure, "Hz"]:
+        """Return the noise bandwidth of the chosen filter in Hz."""
+        ...
+
+    @reads
+    def resolution(self) -> Annotated[Figure, "m/s2"]:
+        """Return the smallest step of the chosen range in m/s2."""
+        ...
+
+    @reads
+    def full_scale(self) -> Annotated[Figure, "m/s2"]:
+        """Return the largest acceleration of the chosen range in m/s2."""
+        ...
+
+
 @runtime_checkable
 class SafeByBytes(Protocol):
     """An output that can be made safe with nothing but bytes, by a process that has no driver.
@@ -287,6 +323,10 @@ class Beaten(Watched, Protocol):
         """
         ...
 
+
+ACCELEROMETER = Role(
+    name="accelerometer", protocol=Accelerometer, quantities={"temperature": "degC"}, states={"asleep": "stop"}
+)
 
 CYCLER = Role(
     name="cycler",

@@ -48,6 +48,7 @@ class Tmp117Thermometer(Sensor):
         identity_name="DEVICE_ID",
         identity_mask=0x0FFF,
         strap="ADD0",
+        addresses=(0x48, 0x49, 0x4A, 0x4B),
         width=2,
     )
     measures: ClassVar[tuple[Channel, ...]] = (Channel("temperature", "degC"),)

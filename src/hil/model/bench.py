@@ -178,6 +178,7 @@ class InstrumentSpec:
     device a serial port must be. `serial_line` is how that is set.
 
     Attributes:
+        second_address: of the second die of a chip that has two; 0 for that die's usual address.
         register: its name in the register of instruments, which then says how it is calibrated; empty for none.
         terminator: what ends a line of text, both ways; empty for what the driver takes by itself.
         timeout_s: how long a reply may take [s]; 0 for what the driver takes by itself.
@@ -191,6 +192,7 @@ class InstrumentSpec:
     baud: _Count = 0
     bus: AnyText = ""
     address: _Count = 0
+    second_address: _Count = 0
     powered_by: AnyText = ""
     identity: Identity = field(default_factory=Identity)
     ratings: tuple[Rating, ...] = ()

@@ -89,8 +89,30 @@ CHANGES = [
     (("powered_by: supply.sensor", "powered_by: relays"), "mag1:\n", "mag1 is fed by relays, which needs a reduced"),
     (
         ("  mag1:\n", '  mag2: {driver: lis3mdl, bus: i2c1, address: "0x1C"}\n  mag1:\n'),
-        "mag1:\n",
-        "mag1 and mag2 are both at bus i2c1, address 0x1C",
+        '"0x1C"}',
+        "mag1 and mag2 are both at bus i2c1, address 0x1C: strap mag1 to 0x1E by SA1 or strap mag2 to 0x1E by SA1",
+    ),
+    (
+        ("  mag1:\n", '  mag2: {driver: lis3mdl, bus: i2c1, address: "0x1C"}\n  mag1:\n'),
+        '"0x1C"\n',
+        "mag1 and mag2 are both at bus i2c1, address 0x1C: strap mag1",
+    ),
+    (
+        (
+            "  mag1:\n",
+            (
+                '  tmp1: {driver: lis3mdl, bus: i2c1, address: "0x1E"}\n'
+                '  mag2: {driver: lis3mdl, bus: i2c1, address: "0x1C"}\n  mag1:\n'
+            ),
+        ),
+        '"0x1C"}',
+        "mag1 and mag2 are both at bus i2c1, address 0x1C: put one of them on another bus",
+    ),
+    (('"0x1C"', '"0x1D"'), '"0x1D"', "mag1: lis3mdl answers at 0x1C or 0x1E, as SA1 is strapped, not at 0x1D"),
+    (
+        ('address: "0x1C"', 'address: "0x1C"\n    second_address: "0x1E"'),
+        '"0x1E"',
+        "mag1: an instrument of lis3mdl has one address: leave it out",
     ),
     (
         ("/dev/serial/by-id/usb-FTDI_FT232R_A50285BI-if00-port0", "socket://192.168.10.21:5025"),

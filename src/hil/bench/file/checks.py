@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterator
+from dataclasses import dataclass
 
 from hil.bench.file import cutting_checks, limit_checks, port_checks
 from hil.bench.file.complaints import Complaints, known, listed, named, usable
 from hil.clock.virtual import VirtualClock
 from hil.documents.declared import Document
 from hil.documents.findings import Findings
-from hil.instruments.driver import ServesBus
+from hil.instruments.driver import ServesBus, Strap, Strapped
 from hil.instruments.registry import DRIVERS, ROLES
 from hil.instruments.wrapped import is_wrapped
 from hil.model.bench import BenchSpec, Bus, InstrumentSpec, Wire
@@ -144,13 +145,68 @@ def _fed(spec: BenchSpec) -> Complaints:
             yield at, f"{item.name} is fed by {item.powered_by}, which needs a reduced level to identify it at"
 
 
+@dataclass(frozen=True)
+class _Die:
+    """One address of an instrument on a bus, and how it is chosen."""
+
+    at: Path
+    item: InstrumentSpec
+    address: int
+    strap: Strap
+
+    @property
+    def place(self) -> str:
+        return f"bus {self.item.bus}, address 0x{self.address:02X}"
+
+
+def _dies(at: Path, item: InstrumentSpec) -> Iterator[_Die]:
+    """Give every address at which an instrument answers: two, where its driver says that its chip has two dies."""
+    driver = DRIVERS.find(item.driver)
+    straps = driver.straps() if driver is not None and issubclass(driver, Strapped) else ()
+    yield _Die((*at, "address"), item, item.address, straps[0] if straps else Strap("", ()))
+    for strap in straps[1:]:
+        second = (*at, "second_address") if item.second_address else at
+        yield _Die(second, item, item.second_address or strap.addresses[0], strap)
+
+
+def _straps(spec: BenchSpec) -> Complaints:
+    """An address is one that the chip can be strapped to; a second one is that of a second die."""
+    for at, item in named(spec.instruments, "instruments"):
+        dies = list(_dies(at, item)) if item.bus else []
+        if item.second_address and len(dies) < 2:
+            yield (*at, "second_address"), f"{item.name}: an instrument of {item.driver} has one address: leave it out"
+        for die in dies:
+            if die.strap.addresses and die.address not in die.strap.addresses:
+                there = " or ".join(f"0x{each:02X}" for each in die.strap.addresses)
+                by = f", as {die.strap.pin} is strapped" if die.strap.pin else ""
+                yield die.at, f"{item.name}: {item.driver} answers at {there}{by}, not at 0x{die.address:02X}"
+
+
+def _clashes(spec: BenchSpec) -> Complaints:
+    """Two devices at one address of a bus would both answer: told at both places, with what to strap instead."""
+    dies = [die for at, item in named(spec.instruments, "instruments") if item.bus for die in _dies(at, item)]
+    taken = {(die.item.bus, die.address) for die in dies}
+    for number, die in enumerate(dies):
+        for other in dies[:number]:
+            if die.place == other.place and die.item is not other.item:
+                ways = [
+                    f"strap {each.item.name} to 0x{free[0]:02X} by {each.strap.pin}"
+                    for each in (die, other)
+                    if (free := [a for a in each.strap.addresses if (each.item.bus, a) not in taken])
+                ]
+                way = " or ".join(ways) or "put one of them on another bus"
+                for each in (die, other):
+                    yield each.at, f"{die.item.name} and {other.item.name} are both at {die.place}: {way}"
+
+
 def _addresses(spec: BenchSpec) -> Complaints:
+    yield from _straps(spec)
+    yield from _clashes(spec)
     seen: dict[str, InstrumentSpec] = {}
     for at, item in named(spec.instruments, "instruments"):
-        place = f"bus {item.bus}, address 0x{item.address:02X}" if item.bus else f"port {url_of_resource(item.port)}"
-        keys = [place] if item.bus else keys_of_this_port(item.port) if item.port else []
+        keys = keys_of_this_port(item.port) if item.port and not item.bus else []
         if other := next((seen[key] for key in keys if key in seen), None):
-            yield at, f"{item.name} and {other.name} are both at {place}"
+            yield at, f"{item.name} and {other.name} are both at port {url_of_resource(item.port)}"
         seen.update({key: item for key in keys if key not in seen})
     ports: dict[str, str] = {}
     for at, bus in named(spec.buses, "buses"):
@@ -239,7 +295,7 @@ _CHECKS: _Checks = (
     (_instruments, ("buses.name",)),
     (_buses, ("instruments.driver", "instruments.bus")),
     (_fed, (*_OUTPUTS, "wiring.reduced")),
-    (_addresses, ("instruments.address",)),
+    (_addresses, ("instruments.address", "instruments.second_address")),
     (_wiring, (*_OUTPUTS, "instruments.name")),
     (_shared, ("wiring.instrument", "wiring.channel", "wiring.contacts")),
     (limit_checks.ratings, ()),

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import ClassVar, Literal
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,51 +14,18 @@ from numpy.typing import NDArray
 from hil.clock.port import Clock
 from hil.instruments.marks import drives
 from hil.instruments.sampled import StreamReport
+from hil.instruments.sensors.axes import Axes, Sampling
 from hil.instruments.sensors.fifo import Block, Fifo, Packets, source_of
 from hil.instruments.sensors.registers import Registers
-from hil.instruments.sensors.scale import Scale
-from hil.instruments.sensors.sensor import Sensor
 from hil.instruments.sensors.stillness import Stillness
 from hil.instruments.sensors.timeline import Span, Timeline
 from hil.model.bench import Wire
 from hil.model.errors import DeviceFault, Garbled, NoReply, Refused
 
-__all__ = ["FifoSensor", "Recorder", "Sampling"]
+__all__ = ["FifoSensor", "Recorder"]
 
 _SILENT_FRAMES = 3
 _MARGIN_S = 0.1
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Sampling:
-    """How a sensor has been set to sample.
-
-    Attributes:
-        rate: nominal samples per second.
-        axes: how counts of the axes become quantities.
-        temperature: how counts of the temperature become degC.
-        order: which byte of a number comes first.
-        noise: standard deviation in counts that a typical article shows on an axis.
-        awake: registers that tell a sensor which measures from one that lost its settings.
-        line: interrupt line of the OBC at which the sensor's interrupt ends.
-    """
-
-    rate: float
-    axes: Scale
-    temperature: Scale
-    order: Literal["big", "little"]
-    noise: float
-    awake: Mapping[int, int]
-    line: int = 0
-
-    @property
-    def period(self) -> float:
-        """Nominal seconds from sample to sample."""
-        return 1.0 / self.rate
-
-    def celsius(self, data: bytes) -> float:
-        """Return the temperature in degC of two bytes; NaN where they are marked invalid."""
-        return self.temperature.number(int.from_bytes(data, self.order, signed=True))
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,23 +166,28 @@ class Recorder:
         raise self._source.silent(what)
 
 
-class FifoSensor(Sensor):
+class FifoSensor(Axes):
     """A sensor that can also sample into its FIFO, see `hil.instruments.sampled.Streamed`.
 
-    Its chip's class names `fifo`, and gives `sampling` for its wire.
+    Its chip's class names `fifo` beside what `Axes` asks for.
 
     Args:
-        registers: of the chip.
-        clock: the bench's clock.
-        wire: whose settings it reads.
-        sampling: what they come to.
+        registers, clock, wire, sampling, full_scale, bandwidth: see `Axes`.
     """
 
     fifo: ClassVar[Fifo]
 
-    def __init__(self, registers: Registers, clock: Clock, wire: Wire, sampling: Sampling) -> None:
-        super().__init__(registers, clock, wire)
-        self._sampling = sampling
+    def __init__(
+        self,
+        registers: Registers,
+        clock: Clock,
+        wire: Wire,
+        sampling: Sampling,
+        *,
+        full_scale: float,
+        bandwidth: float,
+    ) -> None:
+        super().__init__(registers, clock, wire, sampling, full_scale=full_scale, bandwidth=bandwidth)
         self._recorder: Recorder | None = None
 
     @drives

@@ -47,6 +47,9 @@ class Registers:
         width: bytes of one register.
         order: which byte of a number comes first on the bus.
         banks: how a bank is selected; None for a chip without banks.
+
+    Attributes:
+        other: the registers of the chip's other die, None where it has one die.
     """
 
     def __init__(
@@ -68,6 +71,7 @@ class Registers:
         self._order = order
         self._banks = banks
         self._bank = 0
+        self.other: Registers | None = None
 
     def read(self, register: int) -> int:
         """Return one register as a number without a sign."""

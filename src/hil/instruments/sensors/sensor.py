@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 from hil.clock.port import Clock
 from hil.instruments import settings
-from hil.instruments.driver import Connection, Outlet
+from hil.instruments.driver import Connection, Outlet, Strap
 from hil.instruments.marks import drives, reads
 from hil.instruments.sampled import Channel
 from hil.instruments.sensors.registers import Banks, Registers
@@ -32,7 +32,10 @@ class Chip:
         identity: the register that names the type, and what it holds.
         identity_name: that register's name on the data sheet.
         identity_mask: bits of that register that name the type.
-        strap: the pin that sets the address.
+        strap: the pin that sets the address, empty where it cannot be chosen.
+        addresses: those that can be strapped, the usual one first; none where that is not known.
+        second: whether its registers are at the instrument's second address, as those of a second die are.
+        hidden: whether nobody answers there until the first die has been set up.
         increment, width, order, banks: see `Registers`.
     """
 
@@ -43,6 +46,9 @@ class Chip:
     identity_name: str = "WHO_AM_I"
     identity_mask: int = 0xFFFF
     strap: str
+    addresses: tuple[int, ...] = ()
+    second: bool = False
+    hidden: bool = False
     increment: int = 0
     width: int = 1
     order: Literal["big", "little"] = "big"
@@ -54,10 +60,11 @@ class Chip:
             raise Refused(
                 f"{connection.device}: the driver {self.driver} needs an I2C bus", "give it `bus:` and `address:`"
             )
+        second = connection.second_address or (self.addresses[0] if self.addresses else 0)
         return Registers(
             connection.device,
             connection.bus,
-            connection.address,
+            second if self.second else connection.address,
             increment=self.increment,
             width=self.width,
             order=self.order,
@@ -71,6 +78,11 @@ class Chip:
 
 class Sensor(ABC):
     """One sensor, set as its wire says. A chip's class defines `_wake`, `_sleep` and `_sample`.
+
+    Attributes:
+        chip: the die that it is on.
+        measures: the channels of a sample.
+        beside: every sensor of the same chip that is wired, by role, itself included.
 
     Args:
         registers: of the chip.
@@ -87,6 +99,7 @@ class Sensor(ABC):
         self._device = registers.device
         self._clock = clock
         self._running = False
+        self.beside: Mapping[str, Sensor] = {}
 
     @drives
     def start(self) -> None:
@@ -153,6 +166,12 @@ class Sensor(ABC):
     def _sample(self) -> tuple[float, ...]:
         """Return one sample of a sensor that was started."""
 
+    def _die_runs(self) -> bool:
+        """Return whether another sensor on the same die runs, whose settings must stay."""
+        return any(
+            each.running for each in self.beside.values() if each is not self and each.chip.second == self.chip.second
+        )
+
     def _identify(self) -> None:
         name, known = self.chip.name_of(self._registers), self.chip.identity[1]
         if name != known and self._registers.bank_lost():
@@ -161,7 +180,7 @@ class Sensor(ABC):
             raise WrongIdentity(
                 self._device,
                 f"{self.chip.identity_name} is {name:#04x}, the {self.chip.model} has {known:#04x}",
-                f"compare the address in the bench file with the board's {self.chip.strap} strap",
+                f"compare the address in the bench file with the board's {self.chip.strap or 'own'} strap",
             )
 
     def _wait_for(self, ready: Callable[[], bool], longest: float, poll: float, fault: tuple[str, str]) -> None:
@@ -214,36 +233,66 @@ class DieThermometer:
 
 
 class SensorDriver:
-    """A driver for one sensor, which fills the role of its chip; and `thermometer`, where `roles` says so.
+    """A driver for one chip, which fills a role with each of its sensors; and `thermometer`, where `roles` says so.
 
-    A chip's driver names `roles` and the class `sensor`.
+    Sensors on one die share its registers. A chip of two dies has two addresses: that of the second one is the bench
+    file's `second_address`, or the usual one; the registers of each die know those of the other.
+
+    Attributes:
+        roles: every role that it fills.
+        sensor: the class of the first sensor.
+        others: the classes of the others, each with a role of its own.
     """
 
     roles: ClassVar[frozenset[str]]
     sensor: ClassVar[type[Sensor]]
+    others: ClassVar[tuple[type[Sensor], ...]] = ()
 
     def __init__(self, connection: Connection) -> None:
-        self._registers = self.sensor.chip.registers(connection)
+        self._dies = {chip.second: chip.registers(connection) for chip in self._chips()}
+        for second, registers in self._dies.items():
+            registers.other = self._dies.get(not second)
         self._clock = connection.clock
         self._sensors: dict[str, Sensor] = {}
         self._set: set[str] = set()
 
+    @classmethod
+    def straps(cls) -> tuple[Strap, ...]:
+        """Return how each die's address is chosen, the first die's first."""
+        return tuple(Strap(chip.strap, chip.addresses) for chip in cls._chips())
+
     def identify(self) -> Identity:
-        """Read the register that names the type; nothing names the article."""
-        chip = self.sensor.chip
-        name = chip.name_of(self._registers)
-        return Identity(model=chip.model if name == chip.identity[1] else f"{chip.identity_name} {name:#04x}")
+        """Read the register that names the type, of every die that answers yet; nothing names the article."""
+        for chip in self._chips():
+            name = 0 if chip.hidden else chip.name_of(self._dies[chip.second])
+            if not chip.hidden and name != chip.identity[1]:
+                return Identity(model=f"{chip.identity_name} {name:#04x}")
+        return Identity(model=self.sensor.chip.model)
 
     def outlets(self) -> Sequence[Outlet]:
         """Return nothing: a sensor has no outputs."""
         return ()
 
     def role(self, wire: Wire) -> Sensor | DieThermometer:
-        """Return the sensor, set as the wire says; or its temperature."""
-        own = self.sensor.chip.role
+        """Return the sensor of that role, set as the wire says; or the chip's temperature."""
         settings.fits(wire, self.sensor.chip.driver, self.roles)
-        self._sensors[wire.role] = sensor = self.sensor(self._registers, self._clock, wire)
+        kinds = {kind.chip.role: kind for kind in (self.sensor, *self.others)}
+        kind = kinds.get(wire.role, self.sensor)
+        self._sensors[wire.role] = sensor = kind(self._dies[kind.chip.second], self._clock, wire)
+        sensor.beside = self._sensors
         self._set.update({wire.role} if wire.settings else ())
-        if own in self._sensors and self._set - {own}:
-            raise Refused(f"{wire.name}: the settings of this chip are those of its role {own}", "move them there")
-        return sensor if wire.role == own else DieThermometer(lambda: self._sensors.get(own, sensor))
+        own = [role for role in kinds if role in self._sensors]
+        if own and self._set - kinds.keys():
+            raise Refused(f"{wire.name}: the settings of this chip are those of its role {own[0]}", "move them there")
+        return sensor if wire.role in kinds else DieThermometer(lambda: self._measuring(kinds, sensor))
+
+    def _measuring(self, roles: Iterable[str], alone: Sensor) -> Sensor:
+        """Return the sensor that a thermometer reads: one that runs, else the first that is wired, else its own."""
+        wired = [self._sensors[role] for role in roles if role in self._sensors]
+        return next((sensor for sensor in wired if sensor.running), wired[0] if wired else alone)
+
+    @classmethod
+    def _chips(cls) -> tuple[Chip, ...]:
+        """Return one chip's data sheet for each die, the first die's first."""
+        dies = {kind.chip.second: kind.chip for kind in (*cls.others, cls.sensor)}
+        return tuple(dies[second] for second in sorted(dies))

@@ -1,0 +1,173 @@
+"""A sensor with three axes: single samples, and what its data sheet says of its numbers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+from hil.clock.port import Clock
+from hil.instruments.marks import reads
+from hil.instruments.sampled import Channel
+from hil.instruments.sensors.registers import Registers
+from hil.instruments.sensors.scale import Scale
+from hil.instruments.sensors.sensor import Sensor
+from hil.instruments.sensors.stillness import Stillness
+from hil.model.bench import Wire
+from hil.model.errors import NoReply
+from hil.model.figure import Figure
+
+__all__ = ["Axes", "Sampling", "three_axes"]
+
+
+def three_axes(unit: str) -> tuple[Channel, ...]:
+    """Return the channels of three axes in a unit, and of the temperature."""
+    return (*(Channel(axis, unit) for axis in "xyz"), Channel("temperature", "degC"))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sampling:
+    """How a sensor has been set to sample.
+
+    Attributes:
+        rate: nominal samples per second.
+        axes: how counts of the axes become quantities.
+        temperature: how counts of the temperature become degC.
+        order: which byte of a number comes first.
+        temperature_order: which byte of the temperature comes first, where that is another one.
+        noise: standard deviation in counts that a typical article shows on an axis.
+        awake: registers that tell a sensor which measures from one that lost its settings.
+        line: interrupt line of the OBC at which the sensor's interrupt ends.
+    """
+
+    rate: float
+    axes: Scale
+    temperature: Scale
+    order: Literal["big", "little"]
+    temperature_order: Literal["", "big", "little"] = ""
+    noise: float
+    awake: Mapping[int, int]
+    line: int = 0
+
+    @property
+    def period(self) -> float:
+        """Nominal seconds from sample to sample."""
+        return 1.0 / self.rate
+
+    def temperature_counts(self, data: bytes) -> int:
+        """Return the counts in two bytes of the temperature."""
+        return int.from_bytes(data, self.temperature_order or self.order, signed=True)
+
+    def celsius(self, data: bytes) -> float:
+        """Return the temperature in degC of two bytes; NaN where they are marked invalid."""
+        return self.temperature.number(self.temperature_counts(data))
+
+
+class Axes(Sensor):
+    """Three axes; fills the role `gyroscope`, `accelerometer` or `magnetometer` of its chip.
+
+    Its chip's class defines `_wake` and `_sleep`, and names these. A chip whose temperature is not beside its axes
+    also defines `_temperature_bytes` and `_axes_bytes`.
+
+    Attributes:
+        measures: made by `three_axes`.
+        outputs: the first register that is read for a sample, and how many bytes from there on.
+        axes_at: place of the first of three numbers in these bytes; the temperature is at their beginning.
+
+    Args:
+        registers: of the chip.
+        clock: the bench's clock.
+        wire: whose settings it reads.
+        sampling: what they come to.
+        full_scale: the largest number of the range, in the unit of the axes.
+        bandwidth: noise bandwidth of the filter in Hz.
+    """
+
+    outputs: ClassVar[tuple[int, int]]
+    axes_at: ClassVar[int]
+
+    def __init__(
+        self,
+        registers: Registers,
+        clock: Clock,
+        wire: Wire,
+        sampling: Sampling,
+        *,
+        full_scale: float,
+        bandwidth: float,
+    ) -> None:
+        super().__init__(registers, clock, wire)
+        self._sampling = sampling
+        self._full_scale = full_scale
+        self._bandwidth = bandwidth
+        self._stillness = Stillness(self._device, sampling.axes, sampling.noise)
+        self._judged = 0.0
+
+    @reads
+    def temperature(self) -> Figure:
+        """Return the temperature of the sensor's die in degC; its uncertainty is not known.
+
+        Raises:
+            NoReply: no acknowledge, or a number that is marked invalid: it sleeps.
+        """
+        self._require_running()
+        temperature = self._sampling.celsius(self._temperature_bytes())
+        if math.isnan(temperature):
+            raise NoReply(
+                self._device, "its temperature is marked invalid, it sleeps", "check its power, and start it again"
+            )
+        return Figure(value=temperature, unit="degC")
+
+    @reads
+    def bandwidth(self) -> Figure:
+        """Return the noise bandwidth of the filter in Hz."""
+        return Figure(value=self._bandwidth, unit="Hz")
+
+    @reads
+    def resolution(self) -> Figure:
+        """Return one count of the chosen range, in the unit of the axes."""
+        return Figure(value=self._sampling.axes.resolution, unit=self.measures[0].unit)
+
+    @reads
+    def full_scale(self) -> Figure:
+        """Return the largest number of the chosen range, in the unit of the axes."""
+        return Figure(value=self._full_scale, unit=self.measures[0].unit)
+
+    def _sample(self) -> tuple[float, ...]:
+        """Read temperature and axes; samples at least a period apart must differ."""
+        temperature, counts = self._read_outputs()
+        now = self._clock.now()
+        if now - self._judged >= self._sampling.period:
+            self._judged = now
+            self._stillness.judge(counts)
+        return (*(self._sampling.axes.number(axis) for axis in counts), self._sampling.temperature.number(temperature))
+
+    def _wait_until_valid(self, longest: float, since: str) -> None:
+        """Wait until temperature and axes are valid; `since` says what has been done before, for the message."""
+
+        def valid() -> bool:
+            temperature, counts = self._read_outputs()
+            lowest = self._sampling.temperature.rails[0]
+            return min(temperature, *counts) > lowest
+
+        self._judge_anew()
+        self._wait_for(valid, longest, self._sampling.period, (f"no valid data {since}", "check the sensor's power"))
+
+    def _judge_anew(self) -> None:
+        """Forget the samples from before a start."""
+        self._stillness = Stillness(self._device, self._sampling.axes, self._sampling.noise)
+        self._judged = 0.0
+
+    def _read_outputs(self) -> tuple[int, tuple[int, ...]]:
+        """Return the counts of the temperature and of the axes, read in one transfer where the chip allows it."""
+        data = self._registers.block(*self.outputs)
+        return self._sampling.temperature_counts(data[:2]), self._counts(data[self.axes_at :])
+
+    def _counts(self, data: bytes) -> tuple[int, ...]:
+        """Return the counts of three axes."""
+        return tuple(int.from_bytes(data[at : at + 2], self._sampling.order, signed=True) for at in range(0, 6, 2))
+
+    def _temperature_bytes(self) -> bytes:
+        """Return the two bytes of the temperature."""
+        return self._registers.block(self.outputs[0], 2)
