@@ -36,8 +36,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.clock.port import NANOSECONDS
-from hil.model.notation import number, vector, whole
-from hil.simulation.faults import Fault, Saturated, Stuck
+from hil.model.notation import number, vector
+from hil.simulation.faults import Saturated, Stuck
 from hil.simulation.peers.iim42652_registers import (
     READ_ONLY,
     RESET,
@@ -49,7 +49,15 @@ from hil.simulation.peers.iim42652_registers import (
     pin_setting,
 )
 from hil.simulation.peers.model import PeerModel, PeerSetup
-from hil.simulation.peers.sensors.chip import Datasheet, Fitted, OtherIdentity, SensorPeer, number_at
+from hil.simulation.peers.sensors.chip import (
+    Asleep,
+    Datasheet,
+    Fitted,
+    OtherIdentity,
+    SensorPeer,
+    TemperatureRaw,
+    number_at,
+)
 from hil.simulation.peers.sensors.elements import Die, RateElement, limited
 from hil.simulation.peers.sensors.fifo import Fifo
 from hil.simulation.peers.sensors.grid import Grid
@@ -58,7 +66,7 @@ from hil.simulation.peers.sensors.sampler import Bits, Sampler, Samples
 from hil.simulation.peers.timing import Alarms
 from hil.wire.checkpoint import Kept
 
-__all__ = ["MODEL", "Asleep", "Iim42652", "IimTruth", "TemperatureRaw", "build"]
+__all__ = ["MODEL", "Iim42652", "IimTruth", "build"]
 
 
 _INVALID, _MOST = -32768, 32767
@@ -76,22 +84,6 @@ _HEADER_ACCEL, _HEADER_GYRO, _HEADER_TIMESTAMP = 0x40, 0x20, 0x08
 _NO_TEMPERATURE = -128
 _NS_PER_STAMP, _NS_PER_LONG_STAMP, _LONG_STAMP = 1000, 16000, 0x08
 _FIFO_BYTES = 2048
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Asleep(Fault):
-    """The gyroscope falls asleep, and wakes only after a reset."""
-
-    name = "asleep"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TemperatureRaw(Fault):
-    """The temperature has as many counts as it says."""
-
-    name = "temperature-raw"
-
-    counts: Annotated[int, whole(-32_767, 32_767)] = 24_000
 
 
 class Iim42652(SensorPeer):

@@ -8,7 +8,7 @@ from functools import partial
 from typing import Annotated, ClassVar
 
 from hil.clock.port import NANOSECONDS
-from hil.model.notation import NotNegative, matching
+from hil.model.notation import NotNegative, matching, whole
 from hil.simulation.faults import Fault, Faults
 from hil.simulation.peers.model import PeerSetup
 from hil.simulation.peers.sensors.registers import RegisterFile
@@ -17,7 +17,7 @@ from hil.simulation.truth import TruthError
 from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import Nack, PeerClock
 
-__all__ = ["Datasheet", "Fitted", "OtherIdentity", "SensorPeer", "number_at"]
+__all__ = ["Asleep", "Datasheet", "Fitted", "OtherIdentity", "SensorPeer", "TemperatureRaw", "number_at"]
 
 _SIZE = 0x80
 
@@ -34,6 +34,22 @@ class OtherIdentity(Fault):
     def number(self) -> int:
         """What the register holds."""
         return int(self.value, 16)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Asleep(Fault):
+    """It falls asleep, and nobody can wake it meanwhile."""
+
+    name = "asleep"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TemperatureRaw(Fault):
+    """The temperature has as many counts as it says."""
+
+    name = "temperature-raw"
+
+    counts: Annotated[int, whole(-32_767, 32_767)] = 24_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
