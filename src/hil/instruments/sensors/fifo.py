@@ -51,8 +51,10 @@ class Fifo:
         count: register that counts what is in it, two bytes, high byte first.
         unit: bytes per count: 1, or the packet's bytes where packets are counted.
         data: register from which packets are read.
-        lost: register that counts packets lost since they were flushed, two bytes.
+        lost: register that counts packets lost since they were flushed, two bytes; or one byte with a flag.
         lost_order: which of the two comes first.
+        lost_flag: bits of one byte that say only that packets were lost since it was read, 0 where it counts. How many
+            they were follows from time; the host reads such a FIFO itself, also over an OBC.
         temperature: register of the temperature, two bytes, read once a block.
         prepare: settings for a watermark in packets, the FIFO still off.
         flush: register and value that empty it.
@@ -69,6 +71,7 @@ class Fifo:
     data: int
     lost: int
     lost_order: Literal["big", "little"] = "little"
+    lost_flag: int = 0
     temperature: int
     prepare: Callable[[int], Mapping[int, int]]
     flush: tuple[int, int]
@@ -93,7 +96,9 @@ class Fifo:
         return int.from_bytes(registers.block(self.count, 2), "big") * self.unit // self.packet
 
     def lost_by(self, registers: Registers) -> int:
-        """Return how many packets it has lost."""
+        """Return how many packets it has lost; with a flag alone, 1 where it has lost any since the last time."""
+        if self.lost_flag:
+            return int(bool(registers.read(self.lost) & self.lost_flag))
         return int.from_bytes(registers.block(self.lost, 2), self.lost_order)
 
     def begin(self, registers: Registers, *, interrupt: bool) -> None:
@@ -150,7 +155,7 @@ class BlockSource(Protocol):
 def source_of(registers: Registers, fifo: Fifo, clock: Clock, *, rate: float, line: int) -> BlockSource:
     """Return the source of blocks at a rate [Hz]; `line` is the OBC's interrupt line, where there is an OBC."""
     streaming = _streaming(registers.bus)
-    if streaming is None:
+    if streaming is None or fifo.lost_flag:
         return _PolledSource(registers, fifo, clock, rate)
     return _BoardSource(streaming, registers, fifo, rate, line)
 
@@ -274,7 +279,8 @@ class _PolledSource:
 
     def begin(self) -> None:
         """Let the FIFO fill; device time is zero now."""
-        self._lost_counter = self._fifo.lost_by(self._registers)
+        lost = self._fifo.lost_by(self._registers)
+        self._lost_counter = 0 if self._fifo.lost_flag else lost
         self._fifo.begin(self._registers, interrupt=False)
         self._began = self._clock.now()
 
@@ -290,10 +296,11 @@ class _PolledSource:
         if not count:
             return
         # What a full FIFO drops while it is read came before these packets, and as many newer ones take its place.
-        lost = fifo.lost_by(registers) if count >= fifo.capacity - 1 else self._lost_counter
+        full = fifo.lost_flag or count >= fifo.capacity - 1
+        lost = self._lost(count, counted) if full else self._lost_counter
         came = count + max(0, lost - self._lost_counter)
         packets = registers.long(fifo.data, count * fifo.packet)
-        self._lost_counter = fifo.lost_by(registers)
+        self._lost_counter = lost if fifo.lost_flag else fifo.lost_by(registers)
         expected = self._newest + (self._behind + came) * self._period
         self._newest = min(max(expected, counted - self._period), counted)
         self._behind = self._lost_counter - lost
@@ -306,6 +313,14 @@ class _PolledSource:
             lost_counter=self._lost_counter,
         )
         self._number += 1
+
+    def _lost(self, count: int, counted: float) -> int:
+        """Return how many packets were lost since the beginning; `count` are in the FIFO at the time `counted`."""
+        lost = self._fifo.lost_by(self._registers)
+        if not self._fifo.lost_flag:
+            return lost
+        came = int((counted - self._newest) / self._period)
+        return self._lost_counter + (max(1, came - count) if lost else 0)
 
     def silent(self, what: str) -> DeviceFault:
         """Return the sensor's fault."""
