@@ -49,21 +49,13 @@ from hil.simulation.peers.iim42652_registers import (
     pin_setting,
 )
 from hil.simulation.peers.model import PeerModel, PeerSetup
-from hil.simulation.peers.sensors.chip import (
-    Asleep,
-    Datasheet,
-    Fitted,
-    OtherIdentity,
-    SensorPeer,
-    TemperatureRaw,
-    number_at,
-)
-from hil.simulation.peers.sensors.elements import Die, RateElement, limited
+from hil.simulation.peers.sensors.chip import Asleep, Datasheet, Fitted, OtherIdentity, TemperatureRaw, number_at
+from hil.simulation.peers.sensors.elements import AxesElement, Die, limited
 from hil.simulation.peers.sensors.fifo import Fifo
 from hil.simulation.peers.sensors.grid import Grid
 from hil.simulation.peers.sensors.pin import Pin
+from hil.simulation.peers.sensors.sampled import SampledPeer
 from hil.simulation.peers.sensors.sampler import Bits, Sampler, Samples
-from hil.simulation.peers.timing import Alarms
 from hil.wire.checkpoint import Kept
 
 __all__ = ["MODEL", "Iim42652", "IimTruth", "build"]
@@ -86,7 +78,7 @@ _NS_PER_STAMP, _NS_PER_LONG_STAMP, _LONG_STAMP = 1000, 16000, 0x08
 _FIFO_BYTES = 2048
 
 
-class Iim42652(SensorPeer):
+class Iim42652(SampledPeer):
     """The sensor on its bus.
 
     Args:
@@ -107,19 +99,18 @@ class Iim42652(SensorPeer):
         read_only=READ_ONLY,
         select=Register.REG_BANK_SEL,
     )
+    sleep: ClassVar[tuple[int, int, int]] = (Register.PWR_MGMT0, _MODES, 0)
     _stamp: Kept[int]
     _start_ns: Kept[int]
     _valid_ns: Kept[int]
     _off_ns: Kept[int | None]
     _reset_ns: Kept[int]
-    _element: Kept[RateElement]
+    _element: Kept[AxesElement]
     _fifo: Kept[Fifo]
-    _sampler: Kept[Sampler]
     _pin: Kept[Pin]
-    _naps: Kept[Alarms]
 
     def __init__(
-        self, fitted: Fitted, element: RateElement, die: Die, *, acceleration: tuple[float, ...], odr_error: float
+        self, fitted: Fitted, element: AxesElement, die: Die, *, acceleration: tuple[float, ...], odr_error: float
     ) -> None:
         super().__init__(fitted)
         self._element = element
@@ -153,12 +144,7 @@ class Iim42652(SensorPeer):
 
     def _connected(self) -> None:
         self._pin.attach(self._clock)
-        self._sampler.attach(self._clock)
-        naps = [(fault.start_ns, self._fall_asleep) for fault in self._faults.of(Asleep)]
-        self._naps = Alarms(self._clock, naps)
-
-    def _settle(self) -> None:
-        self._sampler.settle()
+        super()._connected()
 
     def _was_reset(self) -> None:
         self._setting, self._stamp = Setting.read(self._registers), 0
@@ -167,10 +153,6 @@ class Iim42652(SensorPeer):
         self._pin.reset()
         self._begin()
         self._sampler.reset(_RESET_DONE)
-
-    def _fall_asleep(self) -> None:
-        if self._ready_ns is not None:
-            self._reset(0)
 
     def _store(self, register: int, value: int) -> None:
         before = self._registers[register]
@@ -184,8 +166,7 @@ class Iim42652(SensorPeer):
             if value & (_FLUSH | _RESTART):
                 self._sampler.flush(packet_bytes(self._registers))
         else:
-            asleep = register == Register.PWR_MGMT0 and self._faults.now(Asleep, self._clock.now_ns())
-            self._registers[register] = value & ~_MODES if asleep else value  # nobody can wake one that fell asleep
+            self._registers[register] = self._woken(register, value)
             bypassed = register == Register.FIFO_CONFIG and not self._registers[register] >> 6
             if bypassed or (register == Register.FIFO_CONFIG1 and (before ^ value) & _CONTENTS):
                 self._sampler.flush(packet_bytes(self._registers))
@@ -222,9 +203,7 @@ class Iim42652(SensorPeer):
             measured *= _LSB_PER_DEGREE[self._registers[Register.GYRO_CONFIG0] >> 5]
             outputs[:, 1:] = limited(measured, -_MOST, _MOST).T
             outputs[ends_ns < self._valid_ns, 1:] = _INVALID
-        counts = self._die.counts(degrees, _LSB_PER_KELVIN)
-        for fault in self._faults.of(TemperatureRaw):
-            counts[(ends_ns >= fault.start_ns) & (ends_ns < fault.end_ns)] = fault.counts
+        counts = self._as_raw(self._die.counts(degrees, _LSB_PER_KELVIN), ends_ns)
         outputs[:, 0] = limited(counts, -_MOST, _MOST)
         short = limited(counts * (_FIFO_LSB_PER_KELVIN / _LSB_PER_KELVIN), -128, 127)
         return Samples(ends_ns, outputs, short.astype(np.int8))
@@ -326,7 +305,7 @@ def build(setup: PeerSetup) -> Iim42652:
     Raises:
         TruthError: with everything that is wrong in its truth or terminals.
     """
-    fitted, element, die = Fitted.read(setup, Iim42652.sheet), RateElement(setup), Die(setup, most=105)
+    fitted, element, die = Fitted.read(setup, Iim42652.sheet), AxesElement(setup), Die(setup, most=105)
     own = setup.truth.part(IimTruth)
     setup.finish()
     return Iim42652(fitted, element, die, acceleration=own.acceleration, odr_error=own.odr_error)

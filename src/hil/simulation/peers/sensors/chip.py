@@ -17,9 +17,7 @@ from hil.simulation.truth import TruthError
 from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import Nack, PeerClock
 
-__all__ = ["Asleep", "Datasheet", "Fitted", "OtherIdentity", "SensorPeer", "TemperatureRaw", "number_at"]
-
-_SIZE = 0x80
+__all__ = ["Asleep", "Datasheet", "Fitted", "OtherIdentity", "Package", "SensorPeer", "TemperatureRaw", "number_at"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,7 +36,7 @@ class OtherIdentity(Fault):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Asleep(Fault):
-    """It falls asleep, and nobody can wake it meanwhile."""
+    """The sensor falls asleep: it loses its settings, and wakes only after a reset when this is over."""
 
     name = "asleep"
 
@@ -68,6 +66,8 @@ class Datasheet:
         increment: the bit of a register's number that asks to continue; 0 where every transfer continues.
         follows: the register that comes after one, where that is not the next number.
         width: bytes of a register, the high one first.
+        size: registers, of a bank where there are banks.
+        second: whether it is the second die of its chip, with an address of its own.
     """
 
     model: str
@@ -81,6 +81,8 @@ class Datasheet:
     increment: int = 0
     follows: Mapping[int, int] = field(default_factory=dict)
     width: int = 1
+    size: int = 0x80
+    second: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -114,7 +116,8 @@ class Fitted:
             TruthError: no such sensor answers at this address, or the fault `identity` names no register value.
         """
         path = setup.truth.path[:-1]
-        address = setup.instrument.address or sheet.addresses[0]
+        strapped = setup.instrument.second_address if sheet.second else setup.instrument.address
+        address = strapped or sheet.addresses[0]
         if address not in sheet.addresses:
             known = " or ".join(f"0x{known:02X}" for known in sheet.addresses)
             raise TruthError(path, f"the {sheet.model} answers at {known}, not at 0x{address:02X}")
@@ -145,7 +148,7 @@ class SensorPeer(Stateful):
     def __init__(self, fitted: Fitted) -> None:
         self._fitted = fitted
         self._faults = fitted.faults
-        self._registers = RegisterFile(self.sheet.reset, self.sheet.read_only, self.sheet.select)
+        self._registers = RegisterFile(self.sheet.reset, self.sheet.read_only, self.sheet.select, self.sheet.size)
         self._readers: Mapping[int, Callable[[], int]] = {}
         self._ready_ns = None
         self._pointer = 0
@@ -225,7 +228,7 @@ class SensorPeer(Stateful):
         if bit and not self._pointer & bit:
             return
         number = self._pointer & ~bit
-        self._pointer = self._pointer & bit | self.sheet.follows.get(number, (number + 1) % _SIZE)
+        self._pointer = self._pointer & bit | self.sheet.follows.get(number, (number + 1) % self.sheet.size)
 
     def _acknowledge(self) -> None:
         if self._ready_ns is None or self._clock.now_ns() < self._ready_ns:
@@ -247,6 +250,45 @@ class SensorPeer(Stateful):
         self._registers.reset()
         self._was_reset()
         self._ready_ns = self._clock.now_ns() + busy_ns
+
+
+class Package(Stateful):
+    """A chip of two dies, each at an address of its own.
+
+    Args:
+        dies: the first one's interrupt pin is that of the chip, where it has one.
+    """
+
+    _dies: Kept[list[SensorPeer]]
+
+    def __init__(self, *dies: SensorPeer) -> None:
+        self._dies = list(dies)
+        self._at = {address: die for die in dies for address in die.addresses}
+
+    @property
+    def addresses(self) -> tuple[int, ...]:
+        """The addresses that are strapped."""
+        return tuple(self._at)
+
+    def attach(self, clock: PeerClock) -> None:
+        """Connect the clock."""
+        for die in self._dies:
+            die.attach(clock)
+
+    def on_interrupt(self, callback: Callable[[], None]) -> None:
+        """Call back at every rising edge of the first interrupt pin that a die has."""
+        for die in self._dies:
+            if hasattr(die, "on_interrupt"):
+                die.on_interrupt(callback)
+                return
+
+    def write(self, address: int, data: bytes) -> None:
+        """Write to the die at this address."""
+        self._at[address].write(address, data)
+
+    def read(self, address: int, count: int) -> bytes:
+        """Read from the die at this address."""
+        return self._at[address].read(address, count)
 
 
 def number_at(

@@ -15,7 +15,18 @@ from hil.simulation.noise.rate_noise import NoiseLevels, RateNoise
 from hil.simulation.peers.model import PeerSetup
 from hil.simulation.seeds import RandomStream, Seeds
 
-__all__ = ["AXES", "Die", "DieTruth", "FieldElement", "FieldTruth", "RateElement", "RateTruth", "limited"]
+__all__ = [
+    "AXES",
+    "AccelerationTruth",
+    "AxesElement",
+    "AxesTruth",
+    "Die",
+    "DieTruth",
+    "FieldElement",
+    "FieldTruth",
+    "RateTruth",
+    "limited",
+]
 
 AXES = "xyz"
 
@@ -68,16 +79,15 @@ class Die:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RateTruth:
-    """What a gyroscope's elements are. Polynomials are of the die's temperature above 25 degC, lowest power first.
+class AxesTruth:
+    """What three elements are. Polynomials are of the die's temperature above 25 degC, lowest power first.
 
-    By default there are no errors. The white noise is that of the ICM-42605's datasheet, 3.8 mdeg/s/sqrt(Hz) one-sided;
-    flicker and random walk, which no datasheet tells, are guesses.
+    By default there are no errors. `unit` is deg/s of a gyroscope, m/s2 of an accelerometer, uT of a magnetometer.
 
     Attributes:
-        bias_x, bias_y, bias_z: three coefficients each [deg/s, deg/s/K, deg/s/K^2].
+        bias_x, bias_y, bias_z: three coefficients each [unit, unit/K, unit/K^2].
         scale_x, scale_y, scale_z: three coefficients each of the relative error [1, 1/K, 1/K^2].
-        misalignment: xy, xz, yx, yz, zx, zy: how much of the second axis' rate the first one sees [rad].
+        misalignment: xy, xz, yx, yz, zx, zy: how much of what the second axis sees the first one sees, too [rad].
         white, flicker, random_walk, quantisation: levels per axis, see `NoiseLevels`.
     """
 
@@ -88,9 +98,9 @@ class RateTruth:
     scale_y: _Vector = _NOTHING
     scale_z: _Vector = _NOTHING
     misalignment: Annotated[tuple[float, ...], vector(6)] = _NOTHING * 2
-    white: _Levels = (2.7e-3,) * 3
-    flicker: _Levels = (1e-3,) * 3
-    random_walk: _Levels = (1e-5,) * 3
+    white: _Levels = _NOTHING
+    flicker: _Levels = _NOTHING
+    random_walk: _Levels = _NOTHING
     quantisation: _Levels = _NOTHING
 
     def noise(self) -> tuple[NoiseLevels, ...]:
@@ -99,17 +109,48 @@ class RateTruth:
         return tuple(NoiseLevels(**{kind: getattr(self, kind)[axis] for kind in kinds}) for axis in range(len(AXES)))
 
 
-class RateElement:
-    """Three axes that sense rates, independent of who reads them and when.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RateTruth(AxesTruth):
+    """What a gyroscope's elements are [deg/s].
 
-    Args:
-        setup: of the peer: its truth, its faults, its random numbers; the terminal `rate` goes to a plant's three
-            signals [deg/s], without it the sensor is at rest.
+    The white noise is that of the ICM-42605's datasheet, 3.8 mdeg/s/sqrt(Hz) one-sided; flicker and random walk, which
+    no datasheet tells, are guesses.
     """
 
-    def __init__(self, setup: PeerSetup) -> None:
-        self._truth = setup.truth.part(RateTruth)
-        self._rate = setup.connections.axes("rate")
+    white: _Levels = (2.7e-3,) * 3
+    flicker: _Levels = (1e-3,) * 3
+    random_walk: _Levels = (1e-5,) * 3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AccelerationTruth(AxesTruth):
+    """What an accelerometer's elements are [m/s2], and the acceleration that they see where no plant says it."""
+
+    acceleration: _Vector = (0.0, 0.0, 9.80665)
+    white: _Levels = (1.2e-3,) * 3
+
+
+class AxesElement:
+    """Three axes that sense rates, accelerations or a field, independent of who reads them and when.
+
+    Args:
+        setup: of the peer: its faults, its random numbers; its truth, where none is given.
+        terminal: goes to a plant's three signals in the unit of the axes.
+        truth: what they are.
+        still: what they see where nothing is connected.
+    """
+
+    def __init__(
+        self,
+        setup: PeerSetup,
+        terminal: str = "rate",
+        truth: AxesTruth | None = None,
+        still: tuple[float, float, float] = _NOTHING,
+    ) -> None:
+        self._truth = setup.truth.part(RateTruth) if truth is None else truth
+        self._still = np.array(still)[:, np.newaxis]
+        self._stream_of = "" if truth is None else f"{terminal} "
+        self._rate = setup.connections.axes(terminal)
         self._faults = setup.faults
         self._seeds: Seeds = setup.seeds
         self._name = setup.instrument.name
@@ -128,7 +169,7 @@ class RateElement:
         """
         self._begun = (start_ns, rate, bandwidth)
         self._noise = [
-            RateNoise(self._streams(f"{axis} from {start_ns}"), levels, rate=rate, bandwidth=bandwidth)
+            RateNoise(self._streams(f"{self._stream_of}{axis} from {start_ns}"), levels, rate=rate, bandwidth=bandwidth)
             for axis, levels in zip(AXES, self._truth.noise(), strict=True)
         ]
 
@@ -137,7 +178,7 @@ class RateElement:
         self._begun, self._noise = None, []
 
     def measured(self, first: int, ends_ns: NDArray[np.int64], degrees: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return what the axes give, shape (3, n) [deg/s], for samples from number `first` on.
+        """Return what the axes give, shape (3, n), for samples from number `first` on.
 
         Args:
             first: counted from 1.
@@ -167,8 +208,8 @@ class RateElement:
         return lambda kind: self._seeds.stream(self._name, f"{prefix} {kind}")
 
     def _seen(self, ends_ns: NDArray[np.int64], warmer: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return what the axes see without noise, shape (3, n) [deg/s]."""
-        rates = np.zeros((len(AXES), ends_ns.size))
+        """Return what the axes see without noise, shape (3, n)."""
+        rates = np.repeat(self._still, ends_ns.size, axis=1)
         for axis, point in enumerate(self._rate or ()):
             rates[axis] = point.observe_many(ends_ns)
         for fault in self._faults.of(Saturated):

@@ -8,7 +8,6 @@ from hil.wire.checkpoint import Kept, Stateful
 
 __all__ = ["RegisterFile"]
 
-_SIZE = 0x80
 _BANKS = 8
 
 
@@ -19,12 +18,16 @@ class RegisterFile(Stateful):
         reset: values after power-on; all others are 0.
         read_only: registers that cannot be written.
         select: the register that selects a bank, and is in every bank; None if there are no banks.
+        size: registers of a bank; a number beyond them starts over.
     """
 
     bank: Kept[int]
     _values: Kept[dict[int, int]]
 
-    def __init__(self, reset: Mapping[int, int], read_only: Container[int], select: int | None = None) -> None:
+    def __init__(
+        self, reset: Mapping[int, int], read_only: Container[int], select: int | None = None, size: int = 0x80
+    ) -> None:
+        self._size = size
         self._reset = reset
         self._read_only = read_only
         self._select = select
@@ -44,7 +47,7 @@ class RegisterFile(Stateful):
 
     def in_bank(self, number: int) -> int:
         """Return the register that an address on the bus means: the bank is above the low byte."""
-        number %= _SIZE
+        number %= self._size
         return number if number == self._select else self.bank << 8 | number
 
     def reset(self) -> None:

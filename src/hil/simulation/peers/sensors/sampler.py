@@ -12,7 +12,7 @@ from hil.clock.port import NANOSECONDS
 from hil.simulation.faults import Faults, Stuck
 from hil.simulation.peers.sensors.fifo import Fifo
 from hil.simulation.peers.sensors.grid import Grid
-from hil.simulation.peers.sensors.pin import Pin
+from hil.simulation.peers.sensors.pin import Pin, PinSetting
 from hil.simulation.peers.timing import Alarm, Alarms
 from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import PeerClock
@@ -62,8 +62,14 @@ class FifoSetting(NamedTuple):
     sources: int
 
 
+_NO_FIFO = FifoSetting(active=False, newest_go=False, watermark=0, every=False, sources=0)
+_NO_PIN = PinSetting(works=False, high=True, latched=False, pulse_ns=0)
+
+
 class Sampler(Stateful):
     """Samples are made in rows, when somebody looks, at the latest after a second, and when an interrupt is due.
+
+    One without a FIFO and without a pin leaves out what concerns them.
 
     Args:
         bits: of the status.
@@ -91,19 +97,19 @@ class Sampler(Stateful):
         bits: Bits,
         asleep: Sequence[int],
         make: Callable[[int, NDArray[np.int64]], Samples],
-        pack: Callable[[Samples], bytes],
-        look: Callable[[], FifoSetting],
-        fifo: Fifo,
-        pin: Pin,
         faults: Faults,
+        pack: Callable[[Samples], bytes] = lambda _: b"",
+        look: Callable[[], FifoSetting] = lambda: _NO_FIFO,
+        fifo: Fifo | None = None,
+        pin: Pin | None = None,
     ) -> None:
         self._bits = bits
         self._asleep = asleep
         self._make = make
         self._pack = pack
         self._look = look
-        self._fifo = fifo
-        self._pin = pin
+        self._fifo = Fifo(1, 1) if fifo is None else fifo
+        self._pin = Pin(lambda: _NO_PIN) if pin is None else pin
         self._faults = faults
         self._grid = None
         self.status = 0
