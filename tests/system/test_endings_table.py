@@ -18,7 +18,8 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, chdir, contextmanager
 from dataclasses import dataclass, replace
-from itertools import product
+from itertools import count, product
+from pathlib import Path
 
 import pytest
 import sweeps
@@ -193,6 +194,10 @@ def bench(request, tmp_path_factory):
         yield stack.enter_context(served(tmp_path_factory.mktemp("b") / "e", speed=request.param))
 
 
+class NotArmedError(Exception):
+    """A bench that was not armed because this busy machine let an instrument's reply wait too long; it is safe."""
+
+
 @contextmanager
 def begun(phase: str, bench, workspace) -> Iterator[Target]:
     """Start what is ended, and give it once it is at this phase."""
@@ -252,7 +257,11 @@ def until(process, true: Callable[[], object], limit_s: float, what: str) -> Non
     Asking a served bench a hundred times a second costs as much of the machine as the run itself.
     """
     seconds_until(lambda: true() or process.poll() is not None, limit_s, what, every_s=0.05)
-    assert process.poll() is None, f"it ended before {what}: {process.communicate()[0]}"
+    if process.poll() is not None:
+        told = process.communicate()[0]
+        if "the bench was not armed" in told and "said nothing" in told and "every output proven" in told:
+            raise NotArmedError(told)
+        pytest.fail(f"it ended before {what}: {told}")
 
 
 def hil(workspace, *words: str) -> Ended:
@@ -295,15 +304,34 @@ def name_of(phase: str, workspace, out: str) -> str:
 @pytest.mark.parametrize(("phase", "name"), sweeps.chosen(FEW, ROWS), ids=lambda part: part)
 def test_an_ending(tmp_path, bench, phase, name, attempt):
     """What is true of every output soon after, and what exit code, status and acknowledgement say of it."""
-    ending = expected(phase, name)
+    for start in count():
+        try:
+            end(phase, name, bench, prepared(tmp_path / f"w{start}", phase, name), replayed=attempt == 0)
+        except NotArmedError:
+            # Nothing was on, so that nothing was ended; three times in a row is no matter of a busy machine.
+            assert not bench.on()
+            if start == 2:
+                raise
+        else:
+            return
+
+
+def prepared(root: Path, phase: str, name: str):
+    """Return a workspace whose plan comes to that phase, and ends in that way where the case itself does it."""
     changes = {'dew_point: "4"': 'dew_point: "4"\n  longest_computation: 1 s'} if name == "endless loop" else {}
     body = IN_PHASE.get(phase) or BODIES.get(name, "clock.sleep(36000.0)")
-    workspace = live_workspace(tmp_path / "w", body, changes, watched=False)
+    workspace = live_workspace(root, body, changes, watched=False)
     if phase == "resuming":
         workspace = without_git(workspace)
         workspace.change("testplans/on/test_on.py", {"step, operator):": "step, iterations):"})
     if phase == "between cases":
         (workspace.plan / "test_then.py").write_text(NEXT_CASE)
+    return workspace
+
+
+def end(phase: str, name: str, bench, workspace, *, replayed: bool) -> None:
+    """Bring a run or a check to that phase, end it, and require what is true and what is said then."""
+    ending = expected(phase, name)
     with begun(phase, bench, workspace) as target:
         ending.end(target)
         if name not in NO_SAFER:
@@ -318,7 +346,7 @@ def test_an_ending(tmp_path, bench, phase, name, attempt):
         if ending.latched:
             require_latched(phase, name, bench, workspace, out)
         elif phase != "check":
-            require_left(name, ending, workspace, replayed=attempt == 0)
+            require_left(name, ending, workspace, replayed=replayed)
 
 
 def require_latched(phase: str, name: str, bench, workspace, out: str) -> None:
