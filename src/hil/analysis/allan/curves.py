@@ -25,6 +25,8 @@ _FEWEST = 32  # cells in which a curve can be told from noise
 _WARM_UPS = np.geomspace(1.0 / 60.0, 1.0, 12)  # time constants, of the record
 _ROUNDS = 5  # of choosing a curve and fitting the noise that is left
 _STEPS = 40  # of fitting noise
+_SETTLED = 1e-3  # by which the log likelihood still grows from round to round
+_ALIKE = 1e-9  # of the second part of a curve, what the first leaves of it where there is none
 _CURVE = 30.0  # by which twice the log likelihood grows with a curve; of 480 records of noise alone none reached it
 _NOISE = 3.0  # by which slow noise must be more likely than white noise with a curve, which leads by 7 and more
 
@@ -60,9 +62,9 @@ def slow(values: _Array, rate: float) -> Slow | None:
     if not parts.any():
         return None
     design = _spectra(means.size, step)
-    alone, _ = _likelihood(parts, design, None)
-    simple, _ = _likelihood(parts, design[:, :1], _library(means.size))
-    both, best = _likelihood(parts, design, _library(means.size))
+    alone, _ = _likelihood(parts, design, curved=False)
+    simple, _ = _likelihood(parts, design[:, :1], curved=True)
+    both, best = _likelihood(parts, design, curved=True)
     gain, lead = 2.0 * (both - alone), 2.0 * (alone - simple)
     curve = _described(best, means.size * step) if gain > _CURVE else ""
     return Slow(curve=curve, noise=lead > _NOISE, gain=gain, lead=lead)
@@ -95,13 +97,29 @@ def _spectra(cells: int, step: float) -> _Array:
     return np.column_stack([np.full(angle.size, 1.0 / step), 1.0 / angle, walk])
 
 
+@dataclass(frozen=True, slots=True)
+class _Library:
+    """The cosines of a straight line, shape (k,), and of curves, of two parts each, shape (curves, k).
+
+    A warm-up has a second part of zeros. `products` are those of the parts: first by first, first by second, second by
+    second.
+    """
+
+    line: _Array
+    first: _Array
+    second: _Array
+    products: tuple[_Array, _Array, _Array]
+
+
 @lru_cache(maxsize=4)
-def _library(cells: int) -> tuple[_Array, _Array]:
-    """Return the cosines of the line, (k, 1), and of each curve, (curves, k, 2); a warm-up has one column of zeros."""
+def _library(cells: int) -> _Library:
     time = (np.arange(cells) + 0.5) / cells
-    warm = [np.column_stack([np.exp(-time / each), np.zeros(cells)]) for each in _WARM_UPS.tolist()]
-    sines = [np.column_stack([np.cos(each * time), np.sin(each * time)]) for each in 2.0 * np.pi * _cycles(cells)]
-    return _cosines(time[:, None]), np.stack([_cosines(each) for each in (*warm, *sines)])
+    angles = 2.0 * np.pi * np.outer(time, _cycles(cells))
+    warm = np.exp(-time[:, None] / _WARM_UPS)
+    first = np.ascontiguousarray(_cosines(np.column_stack([warm, np.cos(angles)])).T)
+    second = np.ascontiguousarray(_cosines(np.column_stack([np.zeros_like(warm), np.sin(angles)])).T)
+    products = (np.square(first), first * second, np.square(second))
+    return _Library(_cosines(time[:, None])[:, 0], first, second, products)
 
 
 def _cycles(cells: int) -> _Array:
@@ -109,41 +127,48 @@ def _cycles(cells: int) -> _Array:
     return np.concatenate([slowest, np.arange(8.0, cells / 4.0, 0.5)])
 
 
-def _likelihood(parts: _Array, design: _Array, library: tuple[_Array, _Array] | None) -> tuple[float, int]:
+def _likelihood(parts: _Array, design: _Array, *, curved: bool) -> tuple[float, int]:
     """Return the largest log likelihood, up to a constant, and the curve that it has."""
-    trend, curves = library or (_library(parts.size + 1)[0], None)
+    library = _library(parts.size + 1)
     levels = np.full(design.shape[1], float(np.square(parts).mean())) / design.mean(axis=0) / design.shape[1]
-    found, best = -math.inf, 0
+    found, best, before = -math.inf, 0, -1
     for _ in range(_ROUNDS):
-        weight = 1.0 / np.sqrt(design @ levels)
-        left, place = _without(parts, weight, trend, curves)
+        left, place = _without(parts, 1.0 / (design @ levels), library, curved=curved)
+        squared = np.square(left)
         for _ in range(_STEPS):
             power = design @ levels
-            levels = levels * ((np.square(left / power) @ design) / ((1.0 / power) @ design))
+            levels = levels * ((squared / np.square(power)) @ design) / ((1.0 / power) @ design)
         power = design @ levels
-        now = -0.5 * float((np.log(power) + np.square(left) / power).sum())
+        now = -0.5 * float((np.log(power) + squared / power).sum())
+        settled = place == before and now - found < _SETTLED
         if now > found:
             found, best = now, place
+        if settled:
+            break
+        before = place
     return found, best
 
 
-def _without(parts: _Array, weight: _Array, trend: _Array, curves: _Array | None) -> tuple[_Array, int]:
+def _without(parts: _Array, weight: _Array, library: _Library, *, curved: bool) -> tuple[_Array, int]:
     """Take off the line, and the curve that explains most, by weighted least squares."""
-    line = trend[:, 0] * weight
-    line /= np.linalg.norm(line)
-    white = parts * weight
-    white = white - line * float(line @ white)
-    if curves is None:
-        return white / weight, 0
-    first, second = curves[:, :, 0] * weight, curves[:, :, 1] * weight
-    first -= np.outer(first @ line, line)
-    second -= np.outer(second @ line, line)
-    first /= np.maximum(np.linalg.norm(first, axis=1, keepdims=True), 1e-12)
-    second -= np.einsum("ck,ck->c", first, second)[:, None] * first
-    second /= np.maximum(np.linalg.norm(second, axis=1, keepdims=True), 1e-12)
-    along = np.column_stack([first @ white, second @ white])
-    best = int(np.square(along).sum(axis=1).argmax())
-    return (white - along[best, 0] * first[best] - along[best, 1] * second[best]) / weight, best
+    line = library.line * weight
+    size = float(line @ library.line)
+    bare = parts - library.line * (float(line @ parts) / size)
+    if not curved:
+        return bare, 0
+    sides = np.column_stack([line, bare * weight])
+    (first_line, first), (second_line, second) = (library.first @ sides).T, (library.second @ sides).T
+    one, cross, two = (each @ weight for each in library.products)
+    one, cross = one - first_line**2 / size, cross - first_line * second_line / size
+    two = two - second_line**2 / size
+    rest = two - cross**2 / one
+    pair = rest > _ALIKE * two
+    ahead = np.where(pair, (second - cross / one * first) / np.where(pair, rest, 1.0), 0.0)
+    best = int((first**2 / one + ahead**2 * rest).argmax())
+    back = (first[best] - cross[best] * ahead[best]) / one[best]
+    along = (first_line[best] * back + second_line[best] * ahead[best]) / size
+    curve = back * library.first[best] + ahead[best] * library.second[best] - along * library.line
+    return np.asarray(bare - curve, dtype=np.float64), best
 
 
 def _described(best: int, duration: float) -> str:

@@ -25,7 +25,12 @@ _Array: TypeAlias = NDArray[np.float64]
 TERMS: Mapping[str, int] = {"quantisation": 2, "white": 0, "flicker": -1, "random_walk": -2}
 """The fitted terms and the noise type of each."""
 
-_SUBSETS = tuple(subset for size in (1, 2, 3, 4) for subset in combinations(range(4), size))
+_OFFERED = np.array(
+    [[term in subset for term in range(4)] for size in (1, 2, 3, 4) for subset in combinations(range(4), size)]
+)
+"""Which terms each of the fifteen subsets offers."""
+
+_ITERATIONS = 50  # at most, until a model repeats itself
 _FLOOR_OF_FLICKER = 2.0 * math.log(2.0) / math.pi
 _DISCRETE_UP_TO = 32  # averaging factor above which sampled flicker is its floor to better than 1e-4
 _UNIFORM = (
@@ -180,32 +185,40 @@ def _started(work: _Work) -> _Array:
 
 
 def _select(work: _Work, covariance: _Array) -> _Array:
-    lower = np.asarray(np.linalg.cholesky(covariance), dtype=np.float64)
-    best, chosen = math.inf, np.zeros(4)
-    for subset in _SUBSETS:
-        squares = _solve(work, lower, subset)
-        if squares is None:
-            continue
-        model = work.design @ squares
-        criterion = _misfit(work.points.variance, model, covariance) + _PENALTY * len(subset)
-        if criterion < best:
-            best, chosen = criterion, squares
-    return chosen if chosen.any() else _started(work)
+    """Return the squares of the subset with the smallest criterion."""
+    white = np.linalg.inv(np.linalg.cholesky(covariance))
+    squares, possible = _solved(work, white)
+    model = np.where(possible[:, None], squares @ work.design.T, work.points.variance)
+    residual = _normal(work.points.variance, model, covariance) @ white.T
+    criterion = np.where(possible, np.square(residual).sum(axis=1) + _PENALTY * _OFFERED.sum(axis=1), math.inf)
+    best = int(np.argmin(criterion))
+    return np.asarray(squares[best], dtype=np.float64) if possible[best] else _started(work)
 
 
-def _solve(work: _Work, lower: _Array, subset: tuple[int, ...]) -> _Array | None:
-    places = list(subset)
-    variance, design = work.points.variance, work.design[:, places]
-    model: _Array = variance
-    squares = np.zeros(4)
-    for _ in range(50):
-        squares[places] = _estimator(design, model, lower) @ variance
-        previous, model = model, np.asarray(work.design @ squares, dtype=np.float64)
-        if not ((squares[1:] >= 0.0).all() and (model > 0.0).all()):
-            return None
-        if (np.abs(model - previous) <= 1e-6 * previous).all():
+def _solved(work: _Work, white: _Array) -> tuple[_Array, NDArray[np.bool_]]:
+    """Return the squares of every subset, shape (15, 4), and which subsets are possible; `white` makes points white."""
+    variance, design = work.points.variance, work.design
+    squares, models = np.zeros(_OFFERED.shape), np.tile(variance, (len(_OFFERED), 1))
+    possible = np.ones(len(_OFFERED), dtype=np.bool_)
+    left = np.arange(len(_OFFERED))
+    for _ in range(_ITERATIONS):
+        offered, before = _OFFERED[left], models[left]
+        terms = design / before[:, :, None] * offered[:, None, :]
+        scale = np.where(offered, terms.max(axis=1), 1.0)
+        terms = white @ (terms / scale[:, None, :])
+        normal = terms.swapaxes(1, 2) @ terms + np.eye(4) * ~offered[:, :, None]
+        right = (variance / before) @ white.T
+        found = np.linalg.solve(normal, (right[:, None, :] @ terms).swapaxes(1, 2))[:, :, 0] / scale
+        model = found @ design.T
+        squares[left], models[left] = found, model
+        possible[left] = (found[:, 1:] >= 0.0).all(axis=1) & (model > 0.0).all(axis=1)
+        moved = (np.abs(model - before) > 1e-6 * before).any(axis=1)
+        left = left[possible[left] & moved]
+        if not left.size:
             break
-    return squares if squares[places].all() and (0 not in subset or squares[0] > 0.0 or len(subset) > 1) else None
+    possible &= (squares[:, 1:] > 0.0).sum(axis=1) == _OFFERED[:, 1:].sum(axis=1)
+    possible &= ~_OFFERED[:, 0] | (squares[:, 0] > 0.0) | ((squares[:, 0] < 0.0) & (_OFFERED.sum(axis=1) > 1))
+    return squares, possible
 
 
 def _estimator(design: _Array, model: _Array, lower: _Array) -> _Array:
@@ -218,9 +231,14 @@ def _estimator(design: _Array, model: _Array, lower: _Array) -> _Array:
 
 
 def _misfit(variance: _Array, model: _Array, covariance: _Array) -> float:
-    """Chi-square of the cube roots, which are nearly normal (Wilson and Hilferty 1931), with their covariance."""
-    residual = 3.0 * (np.cbrt(variance / model) - (1.0 - np.diag(covariance) / 9.0))
+    """Chi-square of the cube roots with their covariance."""
+    residual = _normal(variance, model, covariance)
     return float(residual @ np.linalg.solve(covariance, residual))
+
+
+def _normal(variance: _Array, model: _Array, covariance: _Array) -> _Array:
+    """Return residuals as cube roots, which are nearly normal (Wilson and Hilferty 1931)."""
+    return np.asarray(3.0 * (np.cbrt(variance / model) - (1.0 - np.diag(covariance) / 9.0)), dtype=np.float64)
 
 
 def _judged(work: _Work, squares: _Array, covariance: _Array) -> Fit:
