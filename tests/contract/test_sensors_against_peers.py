@@ -18,9 +18,9 @@ from hil.simulation.truth import TruthError
 from hil.wire.peer import Nack
 
 SECOND = 1_000_000_000
-EVERY = pytest.mark.parametrize("chip", CHIPS, ids=lambda chip: chip.named)
-RANGES = [pytest.param(chip, name, id=f"{chip.named} {name}") for chip in CHIPS for name in chip.ranges]
-RATES = [pytest.param(chip, name, id=f"{chip.named} {name}") for chip in CHIPS for name in chip.rates]
+EVERY = pytest.mark.parametrize("chip", CHIPS, ids=lambda chip: f"{chip.named} {chip.role}")
+RANGES = [pytest.param(chip, name, id=f"{chip.named} {chip.role} {name}") for chip in CHIPS for name in chip.ranges]
+RATES = [pytest.param(chip, name, id=f"{chip.named} {chip.role} {name}") for chip in CHIPS for name in chip.rates]
 FULL = {"kind": "saturated", "from": "1 s", "until": "2 s"}
 
 
@@ -67,8 +67,8 @@ def test_it_is_identified_by_its_type(chip):
 def test_another_device_at_the_address(chip):
     """It is named in the identity, start refuses it, and nothing is written to it."""
     bench = Bench(chip, faults=[{"kind": "identity", "value": "0x47"}])
-    assert bench.driver.identify().model == "WHO_AM_I 0x47"
-    with pytest.raises(WrongIdentity, match=rf"WHO_AM_I is 0x47, the {chip.named} has .* strap"):
+    assert bench.driver.identify().model.endswith(" 0x47")
+    with pytest.raises(WrongIdentity, match=rf"is 0x47, the {chip.named} has .* strap"):
         bench.sensor.start()
     assert bench.read(chip.power_on[0], len(chip.power_on[1])) == chip.power_on[1]
 
@@ -108,7 +108,7 @@ def test_a_dead_sensor_is_no_reply_at_once(chip):
     bench = Bench(chip, faults=[{"kind": "dead", "from": "1 s"}])
     bench.sensor.start()
     bench.clock.wait_until(SECOND)
-    with pytest.raises(NoReply, match=f"no acknowledge at address {chip.address:#04x}: Remote I/O error;"):
+    with pytest.raises(NoReply, match=f"no acknowledge at address {chip.die or chip.address:#04x}: Remote I/O error;"):
         bench.sensor.sample()
     assert bench.clock.now() == pytest.approx(1.0, abs=0.001)
 
@@ -142,7 +142,8 @@ def test_a_start_while_settings_are_garbled_is_refused_or_right(chip):
     """Whenever the disturbance begins, a start that succeeds has set what it should."""
     started = 0
     for step in range(1, 60):
-        wrong = [{"kind": "garbled", "from": f"{10_000 + step * 50} us", "until": "14 ms"}]
+        boot_us = round(chip.boot * 1e6)
+        wrong = [{"kind": "garbled", "from": f"{boot_us + step * 50} us", "until": f"{boot_us + 4000} us"}]
         bench = Bench(chip, truth=chip.truth, faults=wrong)
         try:
             bench.sensor.start()
@@ -169,7 +170,7 @@ def test_without_power_there_is_nobody(chip):
     bench.supply.command(volts=3.3)
     with pytest.raises(Nack):
         bench.peer.read(chip.address, 1)
-    bench.clock.sleep(0.02)
+    bench.clock.sleep(chip.boot + 0.01)
     assert bench.read(register, len(values)) == values
     bench.sensor.start()
     right(chip, bench.sensor.sample())
@@ -240,13 +241,15 @@ def test_wires_that_it_cannot_serve_are_refused(chip):
     """Another role, a channel, a setting that it does not know, a value that does not exist."""
     driver = Bench(chip).driver
     for sentence, changes in (
-        (f"does not fill the role supply.*it fills the role {chip.role}", {"role": "supply"}),
+        (f"does not fill the role supply.*it fills the role .*{chip.role}", {"role": "supply"}),
         ("has no channels", {"channel": 1}),
         ("unknown key 'odr'", {"settings": {"odr": "80"}}),
         ("'range' must be a number in .*, found \"wide\"", {"settings": {"range": "wide"}}),
         ("'range' must be one of .*, found", {"settings": {"range": "77"}}),
         ("'rate' must be one of .* Hz, found", {"settings": {"rate": "77 Hz"}}),
     ):
+        if not chip.ranges and "range" in sentence:
+            continue
         with pytest.raises(Refused, match=sentence):
             driver.role(Wire(**{"role": chip.role, "instance": "", "instrument": "sensor"} | changes))
 

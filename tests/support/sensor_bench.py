@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from board_bus import BoardBus
 
 from hil.clock.virtual import VirtualClock
+from hil.instruments.bmi088 import Bmi088
 from hil.instruments.driver import Clamps, Connection
 from hil.instruments.iim42652 import Iim42652
 from hil.instruments.lis3mdl import Lis3mdl
 from hil.instruments.sensors.sensor import SensorDriver
 from hil.model.bench import InstrumentSpec, Wire
 from hil.simulation.faults import read_faults
-from hil.simulation.peers import iim42652, lis3mdl
+from hil.simulation.peers import bmi088, iim42652, lis3mdl
 from hil.simulation.peers.faulty import FaultyBusPeer, FaultySerialPeer
 from hil.simulation.peers.model import Connections, PeerModel, PeerSetup
 from hil.simulation.plants.plant import Plant
@@ -23,7 +24,7 @@ from hil.simulation.seeds import Seeds
 from hil.simulation.truth import Truth
 from hil.wire.simulated_bus import SimulatedBus
 
-__all__ = ["CHIPS", "FIFO_CHIPS", "IIM42652", "LIS3MDL", "Bench", "SensorChip"]
+__all__ = ["BOARD_CHIPS", "CHIPS", "FIFO_CHIPS", "IIM42652", "LIS3MDL", "Bench", "SensorChip"]
 
 _SECOND = 1_000_000_000
 
@@ -36,13 +37,16 @@ class SensorChip:
         role, unit: what it fills, and the unit of its axes.
         named: what it is identified as.
         address, strapped: its usual address, and the other one.
+        die: the address at which that role is, where its chip has a second die; `address` else.
         power_on: a register, as it is sent, and what is read from there on after power-on.
         ranges, rates: as a wire names them; `narrow` is the first of them in the axes' unit.
         truth, expected: a truth section, and the axes and temperature that come of it.
         close: how near to that a sample is.
         noisy: a truth section with noise that no two samples share.
         sleep: a register, as it is sent, and what is read there of a sensor that was stopped.
+        boot: seconds from power-on until it certainly answers.
         capacity: packets that its FIFO holds, 0 for a chip without one; `fifo_off` is as `sleep`.
+        by_host: whether the host reads its FIFO itself, also over an OBC.
     """
 
     driver: type[SensorDriver]
@@ -52,6 +56,7 @@ class SensorChip:
     named: str
     address: int
     strapped: int
+    die: int = 0
     power_on: tuple[int, bytes]
     ranges: tuple[str, ...]
     rates: tuple[str, ...]
@@ -61,8 +66,10 @@ class SensorChip:
     close: float
     noisy: dict[str, object] = field(default_factory=dict)
     sleep: tuple[int, int]
+    boot: float = 0.01
     capacity: int = 0
     fifo_off: tuple[int, int] = (0, 0)
+    by_host: bool = False
 
 
 LIS3MDL = SensorChip(
@@ -110,11 +117,54 @@ IIM42652 = SensorChip(
     fifo_off=(0x16, 0x00),
 )
 
-CHIPS = (IIM42652, LIS3MDL)
+BMI088 = SensorChip(
+    driver=Bmi088,
+    model=bmi088.MODEL,
+    role="gyroscope",
+    unit="deg/s",
+    named="BMI088",
+    address=0x18,
+    strapped=0x19,
+    die=0x68,
+    power_on=(0x0F, bytes.fromhex("008000")),
+    ranges=("125", "250", "500", "1000", "2000"),
+    rates=("100", "200", "400", "1000", "2000"),
+    narrow=125.0,
+    truth=IIM42652.truth,
+    expected=IIM42652.expected,
+    close=1.7,
+    noisy={"white": ["1", "1", "1"]},
+    sleep=(0x11, 0x80),
+    capacity=100,
+    fifo_off=(0x3E, 0x00),
+    by_host=True,
+)
+
+BMI088_ACCELEROMETER = replace(
+    BMI088,
+    role="accelerometer",
+    unit="m/s2",
+    die=0x18,
+    power_on=(0x40, bytes.fromhex("a801")),
+    ranges=("3", "6", "12", "24"),
+    rates=("12.5", "25", "50", "100", "200", "400"),
+    narrow=3 * 9.80665,
+    truth={"accelerometer": {"bias_x": ["-9.5", "0", "0"]}, "temperature": "-16", "temperature_offset": "0.5"},
+    expected=(-9.5, 0.0, 9.80665, -15.5),
+    close=0.1,
+    noisy={"accelerometer": {"white": ["0.1", "0.1", "0.1"]}},
+    sleep=(0x7C, 0x03),
+    capacity=0,
+)
+
+CHIPS = (IIM42652, LIS3MDL, BMI088, BMI088_ACCELEROMETER)
 """Every chip; a new one is added here, and has all tests of the family."""
 
 FIFO_CHIPS = tuple(chip for chip in CHIPS if chip.capacity)
 """Those that can stream."""
+
+BOARD_CHIPS = tuple(chip for chip in FIFO_CHIPS if not chip.by_host)
+"""Those whose FIFO an OBC can read at their interrupts."""
 
 
 class Table(Plant):
@@ -147,7 +197,7 @@ class Bench:
         connection = Connection(device="sensor", clock=self.clock, clamps=Clamps(), bus=self.bus, address=chip.address)
         self.driver = chip.driver(connection)
         self.sensor = self.driver.role(Wire(role=chip.role, instance="", instrument="sensor", settings=settings or {}))
-        self.clock.sleep(0.01)
+        self.clock.sleep(chip.boot)
 
     def build(self, name, model, truth, faults):
         """Return a peer, with its faults around it."""
@@ -176,10 +226,11 @@ class Bench:
 
     def read(self, register, count=1):
         """Return registers; the number is as it is sent."""
-        return bytes(self.bus.read_i2c_block_data(self.chip.address, register, count))
+        return bytes(self.bus.read_i2c_block_data(self.chip.die or self.chip.address, register, count))
 
     def rows(self, seconds, pause=1.0):
-        """Drain for some time."""
+        """Drain for some time; a FIFO that the host reads is read before it overflows."""
+        pause = min(pause, self.sensor.longest_pause) if self.chip.by_host else pause
         blocks = []
         for _ in range(round(seconds / pause)):
             self.clock.sleep(pause)

@@ -38,6 +38,7 @@ class Register(IntEnum):
     INT_CONFIG = 0x14
     FIFO_CONFIG = 0x16
     TEMP_DATA = 0x1D
+    GYRO_DATA = 0x25
     INT_STATUS = 0x2D
     FIFO_COUNT = 0x2E
     FIFO_DATA = 0x30
@@ -171,8 +172,10 @@ class Iim42652Gyroscope(FifoSensor):
     )
     measures: ClassVar[tuple[Channel, ...]] = three_axes("deg/s")
     fifo: ClassVar[Fifo] = FIFO
-    outputs: ClassVar[tuple[int, int]] = (Register.TEMP_DATA, 14)  # temperature, accelerometer, gyroscope
-    axes_at: ClassVar[int] = 8
+    axes_at: ClassVar[int] = Register.GYRO_DATA
+    temperature_at: ClassVar[int] = Register.TEMP_DATA
+    together: ClassVar[bool] = True  # with the accelerometer between them
+    invalid: ClassVar[int | None] = _INVALID
 
     def __init__(self, registers: Registers, clock: Clock, wire: Wire) -> None:
         own = settings.read(wire, Iim42652Settings)

@@ -67,13 +67,15 @@ class Sampling:
 class Axes(Sensor):
     """Three axes; fills the role `gyroscope`, `accelerometer` or `magnetometer` of its chip.
 
-    Its chip's class defines `_wake` and `_sleep`, and names these. A chip whose temperature is not beside its axes
-    also defines `_temperature_bytes` and `_axes_bytes`.
+    Its chip's class defines `_wake` and `_sleep`, and names these.
 
     Attributes:
         measures: made by `three_axes`.
-        outputs: the first register that is read for a sample, and how many bytes from there on.
-        axes_at: place of the first of three numbers in these bytes; the temperature is at their beginning.
+        axes_at: register of the first of three numbers of two bytes.
+        temperature_at: register of the temperature, two bytes.
+        temperature_on_other: whether that is on the chip's other die.
+        together: whether temperature and axes can be read in one transfer.
+        invalid: counts that stand for no number at all, None where there are none.
 
     Args:
         registers: of the chip.
@@ -84,8 +86,11 @@ class Axes(Sensor):
         bandwidth: noise bandwidth of the filter in Hz.
     """
 
-    outputs: ClassVar[tuple[int, int]]
     axes_at: ClassVar[int]
+    temperature_at: ClassVar[int]
+    temperature_on_other: ClassVar[bool] = False
+    together: ClassVar[bool] = False
+    invalid: ClassVar[int | None] = None
 
     def __init__(
         self,
@@ -148,8 +153,7 @@ class Axes(Sensor):
 
         def valid() -> bool:
             temperature, counts = self._read_outputs()
-            lowest = self._sampling.temperature.rails[0]
-            return min(temperature, *counts) > lowest
+            return self._sampling.temperature.usable(temperature) and self.invalid not in counts
 
         self._judge_anew()
         self._wait_for(valid, longest, self._sampling.period, (f"no valid data {since}", "check the sensor's power"))
@@ -161,13 +165,16 @@ class Axes(Sensor):
 
     def _read_outputs(self) -> tuple[int, tuple[int, ...]]:
         """Return the counts of the temperature and of the axes, read in one transfer where the chip allows it."""
-        data = self._registers.block(*self.outputs)
-        return self._sampling.temperature_counts(data[:2]), self._counts(data[self.axes_at :])
-
-    def _counts(self, data: bytes) -> tuple[int, ...]:
-        """Return the counts of three axes."""
-        return tuple(int.from_bytes(data[at : at + 2], self._sampling.order, signed=True) for at in range(0, 6, 2))
+        if self.together:
+            first, last = min(self.axes_at, self.temperature_at), max(self.axes_at + 6, self.temperature_at + 2)
+            data = self._registers.block(first, last - first)
+            axes, temperature = data[self.axes_at - first :], data[self.temperature_at - first :]
+        else:
+            axes, temperature = self._registers.block(self.axes_at, 6), self._temperature_bytes()
+        counts = tuple(int.from_bytes(axes[at : at + 2], self._sampling.order, signed=True) for at in range(0, 6, 2))
+        return self._sampling.temperature_counts(temperature[:2]), counts
 
     def _temperature_bytes(self) -> bytes:
         """Return the two bytes of the temperature."""
-        return self._registers.block(self.outputs[0], 2)
+        die = self._registers.other if self.temperature_on_other else None
+        return (die or self._registers).block(self.temperature_at, 2)

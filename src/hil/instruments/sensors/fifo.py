@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from hil.clock.port import Clock
 from hil.instruments.sampled import StreamReport
 from hil.instruments.sensors.registers import Registers
-from hil.model.errors import DeviceFault, NoReply
+from hil.model.errors import DeviceFault, Garbled, NoReply
 from hil.wire.port import I2cBus
 from hil.wire.streaming import BusStream, FifoRead, RegisterRead, StreamFrame, StreamingBus
 
@@ -48,14 +48,18 @@ class Fifo:
     Attributes:
         size: bytes that it holds.
         packet: bytes of one packet.
-        count: register that counts what is in it, two bytes, high byte first.
+        count: register that counts what is in it, high byte first.
+        count_bytes, count_mask: bytes and bits of that register that count. An OBC's streams take two whole bytes; the
+            host reads any other FIFO itself, also over an OBC.
         unit: bytes per count: 1, or the packet's bytes where packets are counted.
         data: register from which packets are read.
         lost: register that counts packets lost since they were flushed, two bytes; or one byte with a flag.
         lost_order: which of the two comes first.
         lost_flag: bits of one byte that say only that packets were lost since it was read, 0 where it counts. How many
             they were follows from time; the host reads such a FIFO itself, also over an OBC.
+        lost_flag_stays: whether that flag stays until the FIFO is emptied, so that a stream ends at the first loss.
         temperature: register of the temperature, two bytes, read once a block.
+        temperature_on_other: whether that register is on the chip's other die.
         prepare: settings for a watermark in packets, the FIFO still off.
         flush: register and value that empty it.
         fill: settings that let it fill, the oldest packets going where it is full; with the interrupt at the watermark
@@ -67,12 +71,16 @@ class Fifo:
     size: int
     packet: int
     count: int
+    count_bytes: int = 2
+    count_mask: int = 0xFFFF
     unit: int = 1
     data: int
     lost: int
     lost_order: Literal["big", "little"] = "little"
     lost_flag: int = 0
+    lost_flag_stays: bool = False
     temperature: int
+    temperature_on_other: bool = False
     prepare: Callable[[int], Mapping[int, int]]
     flush: tuple[int, int]
     fill: Callable[[bool], Mapping[int, int]]
@@ -93,12 +101,28 @@ class Fifo:
 
     def at_hand(self, registers: Registers) -> int:
         """Return how many packets are in it."""
-        return int.from_bytes(registers.block(self.count, 2), "big") * self.unit // self.packet
+        count = int.from_bytes(registers.block(self.count, self.count_bytes), "big") & self.count_mask
+        return count * self.unit // self.packet
+
+    def heat(self, registers: Registers) -> bytes:
+        """Return the two bytes of the temperature."""
+        return ((registers.other if self.temperature_on_other else None) or registers).block(self.temperature, 2)
 
     def lost_by(self, registers: Registers) -> int:
-        """Return how many packets it has lost; with a flag alone, 1 where it has lost any since the last time."""
+        """Return how many packets it has lost; with a flag alone, 1 where it has lost any since the last time.
+
+        Raises:
+            Garbled: it has lost some, and will never say anything else.
+        """
         if self.lost_flag:
-            return int(bool(registers.read(self.lost) & self.lost_flag))
+            lost = bool(registers.read(self.lost) & self.lost_flag)
+            if lost and self.lost_flag_stays:
+                raise Garbled(
+                    registers.device,
+                    "its FIFO has overflowed, and does not say how many samples it lost",
+                    "record at a lower rate, and see what keeps the host from reading it",
+                )
+            return int(lost)
         return int.from_bytes(registers.block(self.lost, 2), self.lost_order)
 
     def begin(self, registers: Registers, *, interrupt: bool) -> None:
@@ -155,7 +179,7 @@ class BlockSource(Protocol):
 def source_of(registers: Registers, fifo: Fifo, clock: Clock, *, rate: float, line: int) -> BlockSource:
     """Return the source of blocks at a rate [Hz]; `line` is the OBC's interrupt line, where there is an OBC."""
     streaming = _streaming(registers.bus)
-    if streaming is None or fifo.lost_flag:
+    if streaming is None or fifo.lost_flag or fifo.count_bytes != 2:
         return _PolledSource(registers, fifo, clock, rate)
     return _BoardSource(streaming, registers, fifo, rate, line)
 
@@ -308,7 +332,7 @@ class _PolledSource:
             number=self._number,
             at_s=self._newest,
             watermark=came,
-            temperature=registers.block(fifo.temperature, 2),
+            temperature=fifo.heat(registers),
             packets=packets,
             lost_counter=self._lost_counter,
         )

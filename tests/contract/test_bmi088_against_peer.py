@@ -1,0 +1,151 @@
+"""The BMI088: its peer against the data sheet, and what is its driver's alone: two dies, and an overflowing FIFO."""
+
+from __future__ import annotations
+
+import math
+import struct
+
+import pytest
+from sensor_bench import BMI088, BMI088_ACCELEROMETER, Bench
+
+from hil.instruments.driver import Strap
+from hil.model.bench import InstrumentSpec, Wire
+from hil.model.errors import Garbled, NoReply, Refused, WrongIdentity
+from hil.simulation.peers.bmi088 import MODEL
+from hil.simulation.peers.model import Connections, PeerSetup
+from hil.simulation.truth import Truth, TruthError
+
+ACC, GYRO = 0x18, 0x68
+QUIET = {kind: ["0", "0", "0"] for kind in ("white", "flicker", "random_walk")}
+
+
+def made(**truth):
+    """Return a peer without noise on its bus, a little after power-on."""
+    return Bench(BMI088, truth=QUIET | {"accelerometer": {"white": ["0", "0", "0"]}} | truth)
+
+
+def get(bench, die, register, count=1):
+    """Read registers of a die."""
+    return bytes(bench.bus.read_i2c_block_data(die, register, count))
+
+
+def put(bench, die, **values):
+    """Write registers of a die: `put(bench, ACC, x7C=0)`."""
+    for register, value in values.items():
+        bench.bus.write_byte_data(die, int(register[1:], 16), value)
+
+
+def resume(bench):
+    """Let the accelerometer measure, at 24 g."""
+    put(bench, ACC, x7C=0x00, x7D=0x04, x41=0x03)
+    bench.clock.sleep(0.05)
+
+
+def test_the_accelerometer_is_suspended_after_power_on():
+    """Its temperature is 8000h, which stands for none, and its axes are 0; it goes back there with a soft reset."""
+    bench = made()
+    assert get(bench, ACC, 0x00) == b"\x1e"
+    assert get(bench, ACC, 0x7C, 2) == b"\x03\x00"
+    assert (get(bench, ACC, 0x12, 6), get(bench, ACC, 0x22, 2)) == (bytes(6), b"\x80\x00")
+    resume(bench)
+    assert struct.unpack("<hhh", get(bench, ACC, 0x12, 6)) == (0, 0, 1365)
+    put(bench, ACC, x7E=0xB6)
+    bench.clock.sleep(0.002)
+    assert get(bench, ACC, 0x22, 2) == b"\x80\x00"
+
+
+@pytest.mark.parametrize(
+    ("degrees", "code"),
+    [(23.0, "0000"), (23.125, "0020"), (22.875, "ffe0"), (85.0, "3e00"), (-40.0, "c100"), (25.0, "0200")],
+)
+def test_a_temperature_is_eleven_bits_at_the_upper_end(degrees, code):
+    """Eighths of a kelvin from 23 degC, the high byte first; the vendor's driver: MSB * 8 + LSB / 32."""
+    bench = made(temperature=str(degrees))
+    resume(bench)
+    assert get(bench, ACC, 0x22, 2).hex() == code
+
+
+@pytest.mark.parametrize(("code", "per_degree"), [(code, 16.384 * 2**code) for code in range(5)])
+def test_rates_have_the_sensitivity_of_the_data_sheet(code, per_degree):
+    """The gyroscope runs after power-on, and rests in suspend mode; the top bit of the bandwidth reads as 1."""
+    bench = made(bias_x=["100", "0", "0"], bias_z=["-3", "0", "0"])
+    put(bench, GYRO, x0F=code, x10=0x07)
+    bench.clock.sleep(0.02)
+    assert get(bench, GYRO, 0x10) == b"\x87"
+    expected = (round(100 * per_degree), 0, round(-3 * per_degree))
+    assert struct.unpack("<hhh", get(bench, GYRO, 0x02, 6)) == expected
+    put(bench, GYRO, x11=0x80)
+    bench.clock.sleep(0.02)
+    assert get(bench, GYRO, 0x02, 6) == bytes(6)
+
+
+def test_the_fifo_counts_a_hundred_frames_and_then_says_that_it_lost_some():
+    """Writing FIFO_CONFIG_1 empties it and takes the flag away; reading does not."""
+    bench = made(bias_y=["1", "0", "0"])
+    put(bench, GYRO, x10=0x07, x3E=0x80)
+    bench.clock.sleep(0.995)
+    assert get(bench, GYRO, 0x0E) == bytes([99])
+    bench.clock.sleep(0.02)
+    assert get(bench, GYRO, 0x0E) == bytes([0x80 | 100])
+    assert get(bench, GYRO, 0x3F, 12) == struct.pack("<hhh", 0, 16, 0) * 2
+    assert get(bench, GYRO, 0x0E) == bytes([0x80 | 98])
+    put(bench, GYRO, x3E=0x80)
+    assert get(bench, GYRO, 0x0E) == b"\x00"
+
+
+def test_a_fifo_that_overflows_ends_the_stream():
+    """How many samples were lost is unknown, so that no row after them has a time."""
+    bench = Bench(BMI088).streaming()
+    bench.rows(2)
+    bench.clock.sleep(1.5)
+    with pytest.raises(Garbled, match="its FIFO has overflowed"):
+        bench.sensor.drain()
+
+
+@pytest.mark.parametrize("chip", [BMI088, BMI088_ACCELEROMETER], ids=lambda chip: chip.role)
+def test_asleep_and_raw_temperatures_are_found(chip):
+    """A sensor that falls asleep stands still; a temperature that cannot be is no number."""
+    raw = Bench(chip, faults=[{"kind": "temperature-raw", "from": "1 s"}])
+    raw.sensor.start()
+    raw.clock.wait_until(1_100_000_000)
+    assert math.isnan(raw.sensor.sample()[3])
+    with pytest.raises(NoReply, match="no valid data"):
+        raw.sensor.start()
+    nap = Bench(chip, faults=[{"kind": "asleep", "from": "1 s"}])
+    nap.sensor.start()
+    nap.clock.wait_until(1_100_000_000)
+    with pytest.raises(NoReply, match="consecutive samples are equal"):
+        for _ in range(20):
+            nap.sensor.sample()
+            nap.clock.sleep(0.01)
+
+
+def test_both_dies_serve_three_roles():
+    """The gyroscope keeps the die of its thermometer awake, and the accelerometer's settings as they are."""
+    bench = Bench(BMI088, truth={"temperature": "40"})
+    gyroscope, driver = bench.sensor, bench.driver
+    accelerometer, thermometer = (driver.role(Wire(role=r, instrument="")) for r in ("accelerometer", "thermometer"))
+    gyroscope.start()
+    assert thermometer.temperature().value == pytest.approx(40.0, abs=0.1)
+    accelerometer.start()
+    gyroscope.start()
+    assert accelerometer.sample()[2] == pytest.approx(9.8, abs=0.2)
+    accelerometer.stop()
+    assert gyroscope.sample()[3] == pytest.approx(40.0, abs=0.1)
+    gyroscope.stop()
+    assert (get(bench, GYRO, 0x11), get(bench, ACC, 0x7C, 2)) == (b"\x80", b"\x03\x00")
+
+
+def test_what_is_at_the_addresses():
+    """Both dies are identified, and each address can be one of two."""
+    assert BMI088.driver.straps() == (Strap("SDO1", (0x18, 0x19)), Strap("SDO2", (0x68, 0x69)))
+    bench = Bench(BMI088)
+    bench.driver._dies[False].address = 0x68
+    with pytest.raises(WrongIdentity, match="ACC_CHIP_ID is 0x0f at address 0x68, the BMI088 has 0x1e.*SDO1"):
+        bench.sensor.start()
+    with pytest.raises(Refused, match="'bandwidth' must be 12 or 32 Hz at 100 Hz"):
+        bench.driver.role(Wire(role="gyroscope", instrument="sensor", settings={"bandwidth": "64 Hz"}))
+    spec = InstrumentSpec(name="imu", driver="bmi088", address=0x18, second_address=0x10)
+    setup = PeerSetup(instrument=spec, truth=Truth({}, ()), connections=Connections({}, {}, set(), ()))
+    with pytest.raises(TruthError, match="the BMI088 answers at 0x68 or 0x69, not at 0x10"):
+        MODEL.build(setup)
