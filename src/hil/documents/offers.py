@@ -95,15 +95,15 @@ class Offers(Generic[_Offer]):
         return next(iter(points.values()))
 
     def _load(self, point: EntryPoint) -> _Offer:
-        who = f"{self.what} '{point.name}'{_by(point)}"
         try:
             loaded = point.load()
         except Exception as error:  # importing somebody's module can raise anything
             why = str(error) if isinstance(error, ImportError | AttributeError) else f"{type(error).__name__}: {error}"
-            raise Refused(f"{who} cannot be imported: {why}", "reinstall its package, or repair it") from error
+            what = f"{self.what} '{point.name}'{_by(point)} cannot be imported: {why}"
+            raise Refused(what, "reinstall its package, or repair it") from error
         if problem := self._problem(point.name, loaded):
             raise Refused(
-                f"{who} cannot be used: {point.value} {problem}",
+                f"{self.what} '{point.name}'{_by(point)} cannot be used: {point.value} {problem}",
                 f"let its entry point in {self.group} name {self._kind}, or uninstall the package",
             )
         return cast("_Offer", loaded)
@@ -117,5 +117,5 @@ def _installed(group: str) -> Mapping[str, Mapping[str, EntryPoint]]:
 
 
 def _by(point: EntryPoint) -> str:
-    """Return which package offers it, nothing if that is not known."""
+    """Return which package offers it, nothing if that is not known; to find out takes milliseconds."""
     return f" (package {point.dist.name} {point.dist.version})" if point.dist else ""

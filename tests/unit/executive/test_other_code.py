@@ -6,9 +6,11 @@ import base64
 import hashlib
 import json
 import os
+import re
 import site
 import subprocess
 import sys
+from importlib import metadata
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
@@ -272,3 +274,15 @@ def test_packages_of_before_are_judged_as_before():
     new = of_run(fold([]), Facts(catalogue={}, software=FrozenSoftware(format=2)))
     assert {each.name for each in new} - {each.name for each in old} == {"others", "start"}
     assert NO_OTHERS in {each.text for each in new}
+
+
+def test_what_a_package_needs_is_read_as_python_reads_it():
+    """The lines above its description are enough; to parse them all took a twentieth of a run's start."""
+    for package in ("hil", "pytest", "numpy", "jinja2"):
+        needs = {
+            re.match(r"[\w.-]+", each)[0].lower().replace("_", "-")
+            for each in metadata.requires(package) or ()
+            if "extra ==" not in each
+        }
+        assert needs <= other_code.needed()
+    assert "hypothesis" not in other_code.needed()

@@ -12,8 +12,7 @@ from contextlib import suppress
 from functools import cache
 from importlib import metadata
 from pathlib import Path
-from urllib.parse import urlsplit
-from urllib.request import url2pathname
+from urllib.parse import unquote, urlsplit
 
 import hil
 
@@ -110,7 +109,7 @@ def _editable() -> tuple[str, ...]:
         with suppress(ValueError):
             told = json.loads(item.read_text("direct_url.json") or "{}")
             if told.get("dir_info", {}).get("editable"):
-                found.append(url2pathname(urlsplit(told["url"]).path))
+                found.append(unquote(urlsplit(told["url"]).path))
     return _prefixes(found)
 
 

@@ -269,7 +269,7 @@ def needed() -> frozenset[str]:
             continue
         found.add(name)
         try:
-            required = metadata.requires(name) or ()
+            required = _required(metadata.distribution(name))
         except metadata.PackageNotFoundError:
             continue
         waiting += [_plain(each) for each in required if "extra ==" not in each]
@@ -294,11 +294,23 @@ def _owners() -> Mapping[str, _Owner]:
 @lru_cache(maxsize=256)
 def named(distribution: Distribution) -> tuple[str, str]:
     """Return name and version of an installed package; to parse all of its metadata takes many times as long."""
-    head = (distribution.read_text("METADATA") or "").partition("\n\n")[0]
-    fields = dict(line.split(": ", 1) for line in head.splitlines() if line.startswith(("Name: ", "Version: ")))
+    fields = dict(line.split(": ", 1) for line in _head(distribution) if line.startswith(("Name: ", "Version: ")))
     if len(fields) < 2:
         return distribution.name, distribution.version
     return fields["Name"], fields["Version"]
+
+
+def _required(distribution: Distribution) -> list[str]:
+    """Return what an installed package needs, with its conditions."""
+    head = _head(distribution)
+    if not head:  # of the older kind, which has a file of its own for that
+        return distribution.requires or []
+    return [line.removeprefix("Requires-Dist: ") for line in head if line.startswith("Requires-Dist: ")]
+
+
+def _head(distribution: Distribution) -> list[str]:
+    """Return the lines of an installed package's metadata above its description."""
+    return (distribution.read_text("METADATA") or "").partition("\n\n")[0].splitlines()
 
 
 def _recorded(distribution: Distribution) -> dict[str, str]:
