@@ -533,6 +533,11 @@ def one_untimed():
 
 @kind("a last line that is torn off")
 def torn():
+    return table(times(), noise()) + "40.00,-"
+
+
+@kind("a last line that is torn off and still a row of numbers")
+def torn_row():
     return table(times(), noise()) + "40.00,0."
 
 
@@ -568,6 +573,29 @@ def zeros():
 @kind("clipped at one standard deviation, counts of half of one")
 def clipped_counts():
     return table(times(20000), np.rint(np.clip(noise(20000) - 0.05, -0.1, 0.1) / 0.05) * 0.05)
+
+
+@kind("clipped at 1.5 standard deviations, counts of half of one")
+def clipped_half_counts():
+    return table(times(), np.clip(np.rint((noise() - 0.05) / 0.05), -3, 3) * 0.05)
+
+
+@kind("clipped at one standard deviation above, counts of one")
+def clipped_whole_counts():
+    return table(times(), np.minimum(np.rint(noise() / 0.1), 1) * 0.1)
+
+
+@kind("counts of half a standard deviation, clipped on one side, on a drift that is twice as large")
+def clipped_drift():
+    return table(times(), np.minimum(np.rint((noise() + 0.2 * times() / 40.0) / 0.05), 5) * 0.05)
+
+
+@kind("one sample in two hundred is 4 to 6 standard deviations off")
+def heavy_tails():
+    generator, values = np.random.default_rng(8), noise()
+    places = generator.choice(COUNT, COUNT // 200, replace=False)
+    values[places] += SIGMA * generator.uniform(4, 6, places.size) * generator.choice([-1, 1], places.size)
+    return table(times(), values)
 
 
 # Spectra

@@ -20,11 +20,13 @@ _NEAR_FULL = 0.999  # of full scale
 _ENOUGH = 20  # samples from which extremes and neighbours are judged
 _PILED, _VISITS = 5, 3  # equal extreme samples, and times that the signal came there, from which it may be clipped
 _PILE = 2.0  # times what lies beside them
-_SURE = 4.0  # standard deviations of the counts
+_SPREADS, _BEYOND = 2.0, 10.0  # standard deviations that the last two levels may be off, and samples beyond them
 _NEAR_END = 0.08  # of the distance between quartiles: a tenth of a standard deviation
 _WIDTHS = (1, 4, 16, 64)  # samples that are averaged: a knock shows where they are as many as it took
 _FINE = 0.6  # of a standard deviation: with a larger step the robust scatter is a step as well
-_TAIL, _BEYOND_TAIL = 4.0, 6.3e-5  # standard deviations, and the share of white noise beyond them
+_TAIL, _BEYOND_TAIL = 3.0, 0.0293  # standard deviations, and the share of its power that white noise has beyond them
+_MORE = 0.015  # of the power: white noise reads by half of it too large
+_BY_CHANCE_MORE = 4.0  # over the root of the samples: five standard deviations of that share
 _BY_CHANCE = 1e-6  # records of white noise in which a spike is found
 _BLOCK = 1 << 14  # samples that are looked at at once, within the processor's cache
 _ENOUGH_FOR_QUARTERS = 100_000  # samples that tell quartiles to half a percent of the scatter
@@ -56,41 +58,38 @@ def _clipped(channel: str, values: _Array) -> Gate:
     width = float(quarters[1] - quarters[0]) * _NEAR_END
     step = _step(here) or 0.0
     for end in (float(here.max()), float(here.min())):
-        if step > width and _piled(here, end, step):
-            reason = f"more samples are at {end:.6g} than the levels below it let expect: clipped"
-            return Gate(
-                name="saturated",
-                channel=channel,
-                ok=False,
-                reason=reason,
-                samples=numbers(np.flatnonzero(values == end)),
-            )
-        at = here == end
-        count = int(np.count_nonzero(at))
-        if not (width > 0.0 and _PILED <= count < 0.9 * here.size) or np.count_nonzero(at[1:] > at[:-1]) < _VISITS:
-            continue
-        beside = int(np.count_nonzero(np.abs(here - end) <= max(width, 1.5 * step))) - count
-        if count > _PILE * (beside + math.sqrt(beside)):
-            reason = f"{count} of {values.size} samples are at {end:.6g} and only {beside} near it: clipped"
-            return Gate(
-                name="saturated",
-                channel=channel,
-                ok=False,
-                reason=reason,
-                samples=numbers(np.flatnonzero(values == end)),
-            )
+        reason = ""
+        if step > width and _cut_off(here, end, step):
+            reason = f"more samples are at {end:.6g} than noise that goes beyond it leaves there: clipped"
+        elif width > 0.0:
+            at = here == end
+            count = int(np.count_nonzero(at))
+            if not _PILED <= count < 0.9 * here.size or np.count_nonzero(at[1:] > at[:-1]) < _VISITS:
+                continue
+            beside = int(np.count_nonzero(np.abs(here - end) <= max(width, 1.5 * step))) - count
+            if count > _PILE * (beside + math.sqrt(beside)):
+                reason = f"{count} of {values.size} samples are at {end:.6g} and only {beside} near it: clipped"
+        if reason:
+            samples = numbers(np.flatnonzero(values == end))
+            return Gate(name="saturated", channel=channel, ok=False, reason=reason, samples=samples)
     return unknown
 
 
-def _piled(here: _Array, end: float, step: float) -> bool:
-    """Tell whether the last level holds more than a tail of noise, which has n0 n2 <= n1^2 as Gauss' has."""
-    near = here[np.abs(here - end) < 3.0 * step]
-    level = np.rint(np.abs(near - end) / step)
-    last, second, third = (int(np.count_nonzero(level == place)) for place in range(3))
-    if min(last, second, third) < _ENOUGH:
+def _cut_off(here: _Array, end: float, step: float) -> bool:
+    """Tell whether the levels end where Gaussian noise would go on, whatever drifts beneath it.
+
+    The levels n of such noise with a standard deviation of s counts, around a mean that moves in any way, never fall
+    faster than n[k + 1] n[k - 1] = n[k]^2 exp(-1 / s^2): a mixture of Gaussian densities has a logarithm whose second
+    derivative is at least -1 / s^2. So the last two levels tell how many samples the next one must hold.
+    """
+    last, both = (int(np.count_nonzero(np.abs(here - end) < part * step)) for part in (0.5, 1.5))
+    second = both - last
+    power, count = _moves(here)
+    variance = min(power / max(count, 1) / 2.0, float(here.var())) / step**2 - 1.0 / 12.0
+    if min(last, second) < _ENOUGH or variance <= 0.0:
         return False
-    spread = math.sqrt(1.0 / last + 4.0 / second + 1.0 / third)
-    return math.log(last * third / second**2) > _SURE * spread
+    chance = math.sqrt(4.0 / last + 1.0 / second)
+    return math.log(last**2 / second) - 1.0 / variance - _SPREADS * chance > math.log(_BEYOND)
 
 
 def spikes(channel: str, values: _Array) -> Gate:
@@ -115,21 +114,24 @@ def spikes(channel: str, values: _Array) -> Gate:
             continue
         limit = math.sqrt(2.0 * math.log(means.size / _BY_CHANCE))
         tail, off = _standing_out(means, min(limit, _TAIL) * scatter)
-        far = tail[off > limit * scatter]
+        off /= scatter
+        far = tail[off > limit]
         alone = [place for place in far[:_LOOKED_AT].tolist() if _alone(means, place, limit * scatter)]
         if alone:
             found = np.array(alone, dtype=np.intp)
-            height = float(off[np.isin(tail, found)].max()) / scatter
+            height = float(off[np.isin(tail, found)].max())
             one, more = ("sample", "samples") if width == 1 else (f"average over {width}", f"averages over {width}")
             stand = f"1 {one} stands" if found.size == 1 else f"{found.size} {more} stand"
             told = f"{stand} out of the noise by up to {height:.3g} standard deviations"
             reason = f"{told}, the first is number {found[0] * width + 1}"
             return Gate(name=name, channel=channel, ok=False, reason=reason, samples=numbers(found * width))
         if width == 1 and step < _FINE * scatter:
-            expected = count * _BEYOND_TAIL
-            if tail.size > _FEWEST + 10.0 * expected:
+            power = float(np.einsum("i,i->", off, off)) / count
+            allowed = _BEYOND_TAIL + max(_MORE, _BY_CHANCE_MORE / math.sqrt(count))
+            if tail.size > _FEWEST and power > allowed:
                 told = f"{tail.size} samples stand out by more than {_TAIL:g} standard deviations"
-                reason = f"{told}, where chance makes {expected:.1g}, the first is number {tail[0] + 1}"
+                more = f"{told} and hold {power:.1%} of the power, where chance makes {_BEYOND_TAIL:.1%}"
+                reason = f"{more}, the first is number {tail[0] + 1}"
                 return Gate(name=name, channel=channel, ok=False, reason=reason, samples=numbers(tail))
         reason = reason or f"no sample stands out by {limit:.1f} standard deviations"
     if not reason:

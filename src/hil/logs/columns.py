@@ -39,6 +39,8 @@ _CLOCK = re.compile(r"\d:\d\d")
 _AS_TIMES = "write times as seconds, hh:mm:ss.sss, or 2026-01-31T23:59:59.9"
 _SAMPLE = 400  # lines from which the layout is recognised
 _BLOCK = 1 << 18  # bytes that are read at once: they and what is found in them stay in the processor's cache
+_TAIL = 1 << 14  # bytes at the end of a file: what a last line without its end is compared with
+_FEWEST, _ENOUGH = 4, 20  # rows above it that may raise a doubt, and that tell
 _ODD = 0.1  # of the cells of a block: with more that are not plain, lines are read one by one
 _MARKS = tuple({mark[0] for mark in COMMENT_MARKS})
 
@@ -91,7 +93,8 @@ def read(
 
     Cells stand between tabs, semicolons, commas or white space; the decimal sign is a point, or a comma where cells
     are not separated by commas. Lines above the first row, blank lines and comments are skipped. A last line without
-    its end that does not hold a whole row was torn off, and is left out with a remark.
+    its end was torn off if it does not hold a whole row, or if its last cell is shorter than those above it; it is left
+    out with a remark.
 
     Args:
         path: the file, UTF-8 or another code in which digits are ASCII.
@@ -278,9 +281,18 @@ class _Rows:
             comment = line.lstrip().startswith(COMMENT_MARKS) if line[0] in _MARKS else False
             if number < layout.first or comment or line.isspace():
                 continue
-            if line[-1] != "\n" and not _is_row(layout, self.chosen, raw, self.special):
-                self.remarks.append(f"line {number}, the last, is torn off and left out")
-                return
+            if line[-1] != "\n":
+                if not _is_row(layout, self.chosen, raw, self.special):
+                    self.remarks.append(f"line {number}, the last, is torn off and left out")
+                    return
+                above = _last_cells(self.path, layout)
+                cell = layout.cells(raw)[-1]
+                if len(above) >= _FEWEST and len(cell) < min(map(len, above)):
+                    sure = len(above) >= _ENOUGH
+                    told = f"line {number}, the last, has no end, and '{cell}' in it is shorter than all cells above it"
+                    self.remarks.append(f"{told}: {'torn off, and left out' if sure else 'check whether it is whole'}")
+                    if sure:
+                        return
             count = len(line.split()) if layout.separator is None else line.count(layout.separator) + 1
             if count != layout.width and not layout.quoted:
                 raise Refused(
@@ -294,6 +306,16 @@ def _starts_with_number(path: Path, layout: Layout, place: int) -> bool:
     with path.open(encoding="utf-8-sig", errors="replace") as file:
         cells = layout.cells(next(islice(file, layout.first - 1, None)))
     return layout.number(cells[place]) is not None
+
+
+def _last_cells(path: Path, layout: Layout) -> list[str]:
+    """Return the last cell of the rows at the end of a file, without that of its last line."""
+    with path.open("rb") as file:
+        begin = max(0, path.stat().st_size - _TAIL)
+        file.seek(begin)
+        lines = file.read().decode("utf-8", errors="replace").splitlines()[1 if begin else 0 : -1]
+    rows = [layout.cells(line) for line in lines]
+    return [cells[-1] for cells in rows if len(cells) == layout.width and layout.number(cells[-1]) is not None]
 
 
 def _is_row(layout: Layout, chosen: list[int], line: str, special: Mapping[int, Reading]) -> bool:

@@ -239,10 +239,35 @@ def test_clipping_is_found_without_the_full_scale(level):
         assert abs(values[gate.samples[0] - 1]) == pytest.approx(level)
 
 
+@pytest.mark.parametrize("count", [0.25, 0.5, 0.7, 1.0])
+def test_clipping_of_coarse_counts_is_found(count):
+    """At 1 and 1.5 standard deviations, on one side or both; on a drift of twice the noise as well."""
+    drift = np.linspace(0.0, 2.0, 4000)
+    for level in (1.0, 1.5):
+        last = round(level / count) * count
+        values = np.rint(noise() / count) * count
+        for clipped in (np.minimum(values, last), np.clip(values, -last, last)):
+            assert saturated("x", clipped, Facts()).ok is False
+        assert saturated("x", np.minimum(np.rint((noise() + drift) / count) * count, last + count), Facts()).ok is False
+
+
+def test_half_a_percent_of_wild_samples_trips():
+    """None stands out by more than chance allows, and together they hold more power than a tail of noise."""
+    generator, values = np.random.default_rng(8), noise()
+    values[generator.choice(4000, 20, replace=False)] += generator.choice([-1, 1], 20) * generator.uniform(4, 6, 20)
+    assert spikes("x", values).ok is False
+
+
 def test_counts_of_noise_are_not_clipped():
     """Coarse and fine counts, and a slow sine: nothing piles up at the last level."""
     sine = 20.0 * np.sin(np.arange(4000) / 100.0)
-    for values in (np.rint(noise()), np.rint(10.0 * noise()), np.rint(noise() * 0.7), np.rint(sine + noise())):
+    for values in (
+        np.rint(noise()),
+        np.rint(10.0 * noise()),
+        np.rint(noise() * 0.7),
+        np.rint(sine + noise()),
+        np.cumsum(np.rint(noise())),
+    ):
         assert saturated("x", values, Facts()).ok is None
 
 

@@ -94,6 +94,18 @@ def test_a_torn_last_line_is_left_out_with_a_remark(written, torn):
     assert table.remarks == ("line 3, the last, is torn off and left out",)
 
 
+def test_a_last_line_that_is_still_a_row_is_compared_with_those_above(written):
+    """Its last cell is too short: left out where many rows show it, only told where few do; a full one stays."""
+    rows = "".join(f"{row} {row % 7 + 0.25:.3f}\n" for row in range(30))
+    table = read(written(f"{rows}30 0.2"))
+    assert len(table.values) == 30
+    assert "shorter than all cells above it: torn off, and left out" in table.remarks[0]
+    few = read(written("1 2.50\n2 2.51\n3 2.49\n4 2.50\n5 2.5"))
+    assert few.values[-1].tolist() == [5.0, 2.5]
+    assert "check whether it is whole" in few.remarks[0]
+    assert read(written(f"{rows}30 0.250")).remarks == ()
+
+
 @pytest.mark.parametrize(
     ("text", "columns", "why"),
     [

@@ -58,7 +58,7 @@ def test_numbers_are_what_float_gives_to_the_last_bit(separator, mixed):
         ("t x\n" + "".join(f"   {k}  {k / 8} \n" for k in range(90)), 90),
         ('"t","x"\n' + "".join(f'"{k}","{k / 8}"\n' for k in range(90)), 90),
         ("t,x\n" + "".join(f"{k},{'nan' if k == 70 else k / 8}\n" for k in range(90)), 90),
-        ("t,x\n" + "".join(f"{k},{k / 8}\n" for k in range(90)) + "90,1", 91),
+        ("t,x\n" + "".join(f"{k},{k / 8}\n" for k in range(90)) + "90,1.5", 91),
     ],
 )
 def test_blocks_of_all_writings_make_one_table(tmp_path, text, expected):
