@@ -71,7 +71,7 @@ def test_blocks_of_all_writings_make_one_table(tmp_path, text, expected):
     wanted = np.array(kept)[:, None] / 8
     wanted[70 if "nan" in text else slice(0), 0] = np.nan
     if expected == 91:
-        wanted[90, 0] = 1.0
+        wanted[90, 0] = 1.5
     assert np.array_equal(table.values, wanted, equal_nan=True)
 
 
