@@ -1,49 +1,15 @@
-"""The IIM-42652 driver behind the OBC link: sensor, board and line are simulated, every byte is sent."""
+"""Drivers of sensors behind the OBC link: sensor, board and line are simulated, every byte is sent."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from sensor_bench import IIM42652, Bench
+from behind_obc import BehindObc
+from sensor_bench import CHIPS, IIM42652, Bench
 
-from hil.instruments.driver import Clamps, Connection
-from hil.instruments.obc_link.driver import ObcLink
 from hil.model.errors import DeviceFault, NoReply
-from hil.simulation.peers.obc_link.board import MODEL
-from hil.wire.exchange import publish_stream, withdraw
-from hil.wire.opening import open_port
-from hil.wire.simulated_line import SimulatedLine
-from hil.wire.transcript import Transcript
 
-BAUD = 921_600
-WORLD = "sim://gyroscope/"
 BIASES = {"bias_x": ["1.5", "0", "0"], "bias_y": ["-20", "0", "0"], "bias_z": ["0.25", "0", "0"]}
-
-
-class BehindObc(Bench):
-    """A sensor on the bus of an OBC."""
-
-    def __init__(self, *, obc=None, obc_faults=(), **sensor) -> None:
-        self.obc, self.obc_faults = obc, obc_faults
-        super().__init__(IIM42652, **sensor)
-
-    def make_bus(self, board):
-        """Put the sensor behind a board."""
-        model = self.build("obc", MODEL, self.obc, self.obc_faults)
-        model.serve([self.peer])
-        line = SimulatedLine("obc", model, self.clock, baud=BAUD)
-        model.attach(line, self.clock)
-        publish_stream(f"{WORLD}obc", line)
-        port = open_port("obc", f"{WORLD}obc", self.clock, Transcript(None), baud=BAUD)
-        self.clock.sleep(0.1)
-        return ObcLink(Connection(device="obc", clock=self.clock, clamps=Clamps(), port=port)).bus(400_000)
-
-
-@pytest.fixture(autouse=True)
-def _withdrawn():
-    """Leave no line behind."""
-    yield
-    withdraw(WORLD)
 
 
 def test_the_same_samples_as_over_the_hosts_own_bus():
@@ -57,13 +23,16 @@ def test_the_same_samples_as_over_the_hosts_own_bus():
     assert own[:count, 0] == pytest.approx(behind[:count, 0], abs=0.01)
 
 
-def test_one_sample_is_the_same_number():
-    """A polled read comes through the link unchanged."""
+@pytest.mark.parametrize("chip", CHIPS, ids=lambda chip: f"{chip.named} {chip.role}")
+def test_one_sample_is_the_same_number(chip):
+    """A polled read of every sensor comes through the link unchanged; one seed, one instant of sampling: one number."""
     samples = []
-    for bench in (Bench(IIM42652, truth=BIASES | {"white": ["0"] * 3, "flicker": ["0"] * 3}), BehindObc(truth=BIASES)):
+    for kind in (Bench, BehindObc):
+        bench = kind(chip, truth=chip.truth)
         bench.sensor.start()
         samples.append(bench.sensor.sample())
-    assert samples[0] == pytest.approx(samples[1], abs=0.1)
+    assert samples[0] == pytest.approx(samples[1], abs=2 * chip.close)
+    assert samples[1][:3] == pytest.approx(chip.expected[:3], abs=chip.close)
 
 
 @pytest.mark.parametrize("rate", [12.5, 100, 1000])

@@ -78,7 +78,7 @@ def test_beyond_the_range_there_is_no_number(chip):
     """Neither check nor recording takes it for one, however long it lasts; the temperature goes on."""
     bench = Bench(chip, truth=chip.truth, faults=[FULL])
     bench.sensor.start()
-    bench.clock.wait_until(SECOND + SECOND // 50)
+    bench.clock.wait_until(SECOND + SECOND // 10)
     for _ in range(40):
         *axes, temperature = bench.sensor.sample()
         assert all(math.isnan(axis) for axis in axes)
@@ -97,7 +97,7 @@ def test_a_stuck_sensor_is_no_reply(chip):
         bench.sensor.sample()
     bench.clock.wait_until(SECOND)
     with pytest.raises(NoReply, match="sensor: 16 consecutive samples are equal"):
-        for _ in range(20):
+        for _ in range(100):
             bench.sensor.sample()
             bench.clock.sleep(0.0125)
 
@@ -248,7 +248,7 @@ def test_wires_that_it_cannot_serve_are_refused(chip):
         ("'range' must be one of .*, found", {"settings": {"range": "77"}}),
         ("'rate' must be one of .* Hz, found", {"settings": {"rate": "77 Hz"}}),
     ):
-        if not chip.ranges and "range" in sentence:
+        if ("'range'" in sentence and not chip.ranges) or ("'rate'" in sentence and not chip.rates):
             continue
         with pytest.raises(Refused, match=sentence):
             driver.role(Wire(**{"role": chip.role, "instance": "", "instrument": "sensor"} | changes))

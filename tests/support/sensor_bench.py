@@ -9,13 +9,15 @@ from board_bus import BoardBus
 
 from hil.clock.virtual import VirtualClock
 from hil.instruments.bmi088 import Bmi088
+from hil.instruments.bno055 import Bno055
 from hil.instruments.driver import Clamps, Connection
+from hil.instruments.icm20948 import Icm20948
 from hil.instruments.iim42652 import Iim42652
 from hil.instruments.lis3mdl import Lis3mdl
 from hil.instruments.sensors.sensor import SensorDriver
 from hil.model.bench import InstrumentSpec, Wire
 from hil.simulation.faults import read_faults
-from hil.simulation.peers import bmi088, iim42652, lis3mdl
+from hil.simulation.peers import bmi088, bno055, icm20948, iim42652, lis3mdl
 from hil.simulation.peers.faulty import FaultyBusPeer, FaultySerialPeer
 from hil.simulation.peers.model import Connections, PeerModel, PeerSetup
 from hil.simulation.plants.plant import Plant
@@ -157,7 +159,111 @@ BMI088_ACCELEROMETER = replace(
     capacity=0,
 )
 
-CHIPS = (IIM42652, LIS3MDL, BMI088, BMI088_ACCELEROMETER)
+BIASED = {"bias_x": ["1.5", "0", "0"], "bias_y": ["-20", "0", "0"], "bias_z": ["0.25", "0", "0"]}
+"""What a gyroscope or an accelerometer is off."""
+
+ICM20948 = SensorChip(
+    driver=Icm20948,
+    model=icm20948.MODEL,
+    role="gyroscope",
+    unit="deg/s",
+    named="ICM-20948",
+    address=0x68,
+    strapped=0x69,
+    power_on=(0x05, bytes.fromhex("404100")),
+    ranges=("250", "500", "1000", "2000"),
+    rates=("4.5", "22.5", "112.5", "225"),
+    narrow=250.0,
+    truth=BIASED | {"temperature": "-16", "temperature_offset": "0.5"},
+    expected=(1.5, -20, 0.25, -15.5),
+    close=0.3,
+    noisy={"white": ["1", "1", "1"]},
+    sleep=(0x06, 0x41),
+    boot=0.012,
+)
+
+ICM20948_ACCELEROMETER = replace(
+    ICM20948,
+    role="accelerometer",
+    unit="m/s2",
+    ranges=("2", "4", "8", "16"),
+    narrow=19.6133,
+    truth={"accelerometer": {"bias_x": ["-9.5", "0", "0"]}, "temperature": "-16", "temperature_offset": "0.5"},
+    expected=(-9.5, 0.0, 9.80665, -15.5),
+    close=0.1,
+    noisy={"accelerometer": {"white": ["0.1", "0.1", "0.1"]}},
+)
+
+ICM20948_MAGNETOMETER = replace(
+    ICM20948,
+    role="magnetometer",
+    unit="uT",
+    ranges=(),
+    rates=("10", "20", "50", "100"),
+    narrow=4912.0,
+    truth={"offset": ["48.0", "-22.5", "150.0"], "noise": ["0.02"] * 3, "temperature": "40.0"},
+    expected=(48.0, -22.5, 150.0, 40.0),
+    close=0.3,
+    noisy={},
+)
+
+BNO055 = SensorChip(
+    driver=Bno055,
+    model=bno055.MODEL,
+    role="gyroscope",
+    unit="deg/s",
+    named="BNO055",
+    address=0x28,
+    strapped=0x29,
+    power_on=(0x3B, bytes.fromhex("80000000")),
+    ranges=("125", "250", "500", "1000", "2000"),
+    rates=(),
+    narrow=125.0,
+    truth=BIASED | {"temperature": "-16", "temperature_offset": "1"},
+    expected=(1.5, -20, 0.25, -15),
+    close=0.4,
+    noisy={"white": ["1", "1", "1"]},
+    sleep=(0x3E, 0x02),
+    boot=0.66,
+)
+
+BNO055_ACCELEROMETER = replace(
+    BNO055,
+    role="accelerometer",
+    unit="m/s2",
+    ranges=("2", "4", "8", "16"),
+    narrow=19.6133,
+    truth={"accelerometer": {"bias_x": ["-9.5", "0", "0"]}, "temperature": "-16", "temperature_offset": "1"},
+    expected=(-9.5, 0.0, 9.80665, -15),
+    close=0.1,
+    noisy={"accelerometer": {"white": ["0.1", "0.1", "0.1"]}},
+)
+
+BNO055_MAGNETOMETER = replace(
+    BNO055,
+    role="magnetometer",
+    unit="uT",
+    ranges=(),
+    rates=("2", "10", "20", "30"),
+    narrow=1300.0,
+    truth={"offset": ["48.0", "-22.5", "150.0"], "noise": ["0.1"] * 3, "temperature": "40.0"},
+    expected=(48.0, -22.5, 150.0, 40.0),
+    close=0.5,
+    noisy={},
+)
+
+CHIPS = (
+    IIM42652,
+    LIS3MDL,
+    BMI088,
+    BMI088_ACCELEROMETER,
+    BNO055,
+    BNO055_ACCELEROMETER,
+    BNO055_MAGNETOMETER,
+    ICM20948,
+    ICM20948_ACCELEROMETER,
+    ICM20948_MAGNETOMETER,
+)
 """Every chip; a new one is added here, and has all tests of the family."""
 
 FIFO_CHIPS = tuple(chip for chip in CHIPS if chip.capacity)

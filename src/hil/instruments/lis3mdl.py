@@ -46,8 +46,6 @@ _RANGES = {4.0: (0b00, 6842.0), 8.0: (0b01, 3421.0), 12.0: (0b10, 2281.0), 16.0:
 _RATES = {0.625 * 2**code: code << 2 for code in range(8)} | {155.0: _FAST_RATE}
 _MICROTESLA_PER_GAUSS = 100.0
 _CELSIUS = Scale(per_unit=8.0, zero=25.0)
-_MARGIN_S = 0.1
-_POLLS_PER_SAMPLE = 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -120,16 +118,7 @@ class Lis3mdlMagnetometer(Sensor):
         return (*(self._axes.number(axis) for axis in counts), celsius)
 
     def _await_sample(self) -> None:
-        longest = 2.0 / self._rate + _MARGIN_S
-        self._wait_for(
-            lambda: bool(self._registers.read(_STATUS_REG) & _NEW_XYZ),
-            longest,
-            1.0 / (self._rate * _POLLS_PER_SAMPLE),
-            (
-                f"no new sample within {longest:.3g} s at {self._rate:g} Hz",
-                "check the sensor's power; after a power cut it has to be started again",
-            ),
-        )
+        self._await_new(lambda: bool(self._registers.read(_STATUS_REG) & _NEW_XYZ), self._rate)
 
 
 class Lis3mdl(SensorDriver):

@@ -20,6 +20,10 @@ from hil.model.identity import Identity
 
 __all__ = ["Chip", "DieThermometer", "Sensor", "SensorDriver"]
 
+_MARGIN_S = 0.1
+_POLLS_PER_SAMPLE = 8
+_RESTART = "check the sensor's power; after a power cut it has to be started again"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Chip:
@@ -190,6 +194,12 @@ class Sensor(ABC):
             if self._clock.now() >= deadline:
                 raise NoReply(self._device, *fault)
             self._clock.sleep(poll)
+
+    def _await_new(self, is_new: Callable[[], bool], rate: float) -> None:
+        """Wait for a sample that was not read yet, at a rate in Hz: two periods and a margin, NoReply after that."""
+        longest = 2.0 / rate + _MARGIN_S
+        fault = (f"no new sample within {longest:.3g} s at {rate:g} Hz", _RESTART)
+        self._wait_for(is_new, longest, 1.0 / (rate * _POLLS_PER_SAMPLE), fault)
 
     def _require_running(self) -> None:
         if not self._running:

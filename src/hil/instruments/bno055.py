@@ -1,0 +1,280 @@
+"""Bosch BNO055 gyroscope, accelerometer and magnetometer on an I2C bus, in its modes without fusion.
+
+Registers, modes and their switching times: data sheet BST-BNO055-DS000-14; rates of the magnetometer, bandwidths and
+TEMP_SOURCE from memory of it. It has no FIFO and no flag for a new sample. Settings are taken in CONFIGMODE only, and
+without fusion nothing is compensated. The sensor holds the clock for long, and not every controller waits (that of the
+Raspberry Pi does not: raspberrypi/linux 254, 4884), so that a sample is read in one transfer together with the
+registers behind it: units and mode must be those that were set.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Annotated, ClassVar
+
+from hil.clock.port import Clock
+from hil.instruments import settings
+from hil.instruments.sampled import Channel
+from hil.instruments.sensors.axes import Axes, Sampling, three_axes
+from hil.instruments.sensors.registers import Banks, Registers
+from hil.instruments.sensors.scale import Scale
+from hil.instruments.sensors.sensor import Chip, Sensor, SensorDriver
+from hil.model.bench import Wire
+from hil.model.errors import Garbled, NoReply
+from hil.model.notation import measured
+
+__all__ = ["Bno055", "Bno055Accelerometer", "Bno055Gyroscope", "Bno055Magnetometer"]
+
+
+class Register(IntEnum):
+    """Registers by page (high byte) and number (low byte)."""
+
+    CHIP_ID = 0x00
+    PAGE_ID = 0x07
+    ACC_DATA = 0x08
+    MAG_DATA = 0x0E
+    GYR_DATA = 0x14
+    TEMP = 0x34
+    SYS_STATUS = 0x39
+    SYS_ERR = 0x3A
+    UNIT_SEL = 0x3B
+    OPR_MODE = 0x3D
+    PWR_MODE = 0x3E
+    TEMP_SOURCE = 0x40
+    AXIS_MAP_CONFIG = 0x41
+    AXIS_MAP_SIGN = 0x42
+    ACC_CONFIG = 0x108
+    MAG_CONFIG = 0x109
+    GYR_CONFIG_0 = 0x10A
+    GYR_CONFIG_1 = 0x10B
+
+
+_CONFIG, _MAGGYRO, _AMG = 0x00, 0x06, 0x07
+_TO_CONFIG_S, _FROM_CONFIG_S = 0.025, 0.01  # 19 ms, 7 ms
+_BOOT_S = 0.7  # 650 ms
+_POLL_S = 0.05
+_NORMAL, _SUSPENDED = 0x00, 0x02
+_UNITS, _UNITS_AFTER_RESET = 0x00, 0x80  # deg/s, m/s2, degC
+_SYSTEM_ERROR = 0x01
+_COMMON: Mapping[int, int] = {
+    Register.PWR_MODE: _NORMAL,
+    Register.UNIT_SEL: _UNITS,
+    Register.TEMP_SOURCE: 0x01,  # the gyroscope, which is on in both modes
+    Register.AXIS_MAP_CONFIG: 0x24,
+    Register.AXIS_MAP_SIGN: 0x00,
+}
+
+_RATE = 100.0
+_GRAVITY = 9.80665
+_GYRO_RANGES = (2000.0, 1000.0, 500.0, 250.0, 125.0)
+_GYRO_CUT_OFFS = (523.0, 230.0, 116.0, 47.0, 23.0, 12.0, 64.0, 32.0)
+_ACCEL_RANGES = (2.0, 4.0, 8.0, 16.0)
+_ACCEL_CUT_OFFS = (7.81, 15.63, 31.25, 62.5, 125.0, 250.0, 500.0, 1000.0)
+_MAG_RATES = (2.0, 6.0, 8.0, 10.0, 15.0, 20.0, 25.0, 30.0)
+_REGULAR = 0b01 << 3
+_MAG_RANGE = 1300.0  # of x and y; z has more
+_NOISE_PER_CUT_OFF = math.pi / math.sqrt(8)  # of a filter of second order
+_GYRO_NOISE, _ACCEL_NOISE = 0.014, 150e-6 * _GRAVITY  # one-sided, typical: deg/s/sqrt(Hz), m/s2/sqrt(Hz)
+_CELSIUS = Scale(per_unit=1.0, rails=(-41, 86))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GyroscopeSettings:
+    """What a wire may set: range [deg/s] and bandwidth at -3 dB [Hz]."""
+
+    range: Annotated[float, measured("deg/s", choices=_GYRO_RANGES)] = 2000.0
+    bandwidth: Annotated[float, measured("Hz", choices=_GYRO_CUT_OFFS)] = 32.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AccelerometerSettings:
+    """What a wire may set: range [g] and bandwidth at -3 dB [Hz]."""
+
+    range: Annotated[float, measured("g", choices=_ACCEL_RANGES)] = 16.0
+    bandwidth: Annotated[float, measured("Hz", choices=_ACCEL_CUT_OFFS)] = 62.5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MagnetometerSettings:
+    """What a wire may set: rate [Hz]."""
+
+    rate: Annotated[float, measured("Hz", choices=_MAG_RATES)] = 20.0
+
+
+def _chip(role: str) -> Chip:
+    return Chip(
+        model="BNO055",
+        driver="bno055",
+        role=role,
+        identity=(Register.CHIP_ID, 0xA0),
+        identity_name="CHIP_ID",
+        strap="COM3",
+        addresses=(0x28, 0x29),
+        banks=Banks(register=Register.PAGE_ID, most=1),
+    )
+
+
+class _Bno055(Axes):
+    """One of its sensors. All that are wired are set when the first of them starts; another one only joins in."""
+
+    def __init__(
+        self, registers: Registers, clock: Clock, wire: Wire, own: Mapping[int, int], axes: Scale, **given: float
+    ) -> None:
+        self.own = own
+        sampling = Sampling(
+            rate=given["rate"], axes=axes, temperature=_CELSIUS, order="little", noise=given["noise"], awake={}
+        )
+        super().__init__(registers, clock, wire, sampling, full_scale=given["full_scale"], bandwidth=given["bandwidth"])
+
+    def _identify(self) -> None:
+        """Ask for its name; it answers 650 ms after power-on only."""
+        deadline = self._clock.now() + _BOOT_S
+        while True:
+            try:
+                return super()._identify()
+            except NoReply:
+                if self._clock.now() >= deadline:
+                    raise
+            self._clock.sleep(_POLL_S)
+
+    def _wake(self) -> None:
+        """Set the chip in CONFIGMODE unless another sensor in it runs, read all back, and let samples come."""
+        if not self._die_runs():
+            self._switch(_CONFIG, _TO_CONFIG_S)
+            wanted = dict(_COMMON)
+            for each in self.beside.values():
+                wanted |= each.own if isinstance(each, _Bno055) else {}
+            wanted |= self.own
+            self._registers.set(wanted)
+            self._registers.expect(wanted)
+            self._switch(self._mode, _FROM_CONFIG_S)
+        self._judge_anew()
+        self._clock.sleep(2.0 * self._sampling.period)  # nothing says that a sample is there
+        self._read_outputs()
+
+    def _sleep(self) -> None:
+        """Suspend the chip unless another sensor in it runs, and read that back."""
+        if not self._die_runs():
+            self._switch(_CONFIG, _TO_CONFIG_S)
+            self._registers.write(Register.PWR_MODE, _SUSPENDED)
+            self._registers.expect({Register.PWR_MODE: _SUSPENDED})
+
+    @property
+    def _mode(self) -> int:
+        """The mode with the sensors that are wired: `maggyro`, or with the accelerometer `amg`."""
+        return _AMG if "accelerometer" in {*self.beside, self.chip.role} else _MAGGYRO
+
+    def _switch(self, mode: int, seconds: float) -> None:
+        self._registers.write(Register.OPR_MODE, mode)
+        self._clock.sleep(seconds)
+        self._registers.expect({Register.OPR_MODE: mode})
+
+    def _read_outputs(self) -> tuple[int, tuple[int, ...]]:
+        """Read axes, temperature, and what must be behind them, in one transfer."""
+        first = self.axes_at
+        data = self._registers.long(first, Register.OPR_MODE + 1 - first)
+        status, error, units, _, mode = data[Register.SYS_STATUS - first :]
+        if (mode, units) == (_CONFIG, _UNITS_AFTER_RESET):
+            raise NoReply(
+                self._device, "it is in CONFIGMODE: it has lost its settings", "check its power, and start it again"
+            )
+        if (mode, units) != (self._mode, _UNITS):
+            raise Garbled(
+                self._device,
+                f"OPR_MODE reads {mode:#04x} and UNIT_SEL {units:#04x}, set were {self._mode:#04x} and {_UNITS:#04x}",
+                "use a bus that waits while the sensor holds the clock (i2c-gpio), and look what else writes to it",
+            )
+        if status == _SYSTEM_ERROR:
+            raise NoReply(self._device, f"it reports the system error {error}", "switch it off and on")
+        at = Register.TEMP - first
+        return self._sampling.temperature_counts(data[at : at + 1]), struct.unpack("<hhh", data[:6])
+
+    def _temperature_bytes(self) -> bytes:
+        return self._read_outputs()[0].to_bytes(1, "little", signed=True)
+
+
+class Bno055Gyroscope(_Bno055):
+    """Its gyroscope, not compensated."""
+
+    chip: ClassVar[Chip] = _chip("gyroscope")
+    measures: ClassVar[tuple[Channel, ...]] = three_axes("deg/s")
+    axes_at: ClassVar[int] = Register.GYR_DATA
+
+    def __init__(self, registers: Registers, clock: Clock, wire: Wire) -> None:
+        own = settings.read(wire, GyroscopeSettings)
+        code = _GYRO_CUT_OFFS.index(own.bandwidth) << 3 | _GYRO_RANGES.index(own.range)
+        rail, bandwidth = round(own.range * 16), own.bandwidth * _NOISE_PER_CUT_OFF
+        super().__init__(
+            registers,
+            clock,
+            wire,
+            {Register.GYR_CONFIG_0: code, Register.GYR_CONFIG_1: 0},
+            Scale(per_unit=16.0, rails=(-rail, rail)),
+            rate=_RATE,
+            noise=_GYRO_NOISE * math.sqrt(bandwidth) * 16,
+            full_scale=own.range,
+            bandwidth=bandwidth,
+        )
+
+
+class Bno055Accelerometer(_Bno055):
+    """Its accelerometer."""
+
+    chip: ClassVar[Chip] = _chip("accelerometer")
+    measures: ClassVar[tuple[Channel, ...]] = three_axes("m/s2")
+    axes_at: ClassVar[int] = Register.ACC_DATA
+
+    def __init__(self, registers: Registers, clock: Clock, wire: Wire) -> None:
+        own = settings.read(wire, AccelerometerSettings)
+        code = _ACCEL_CUT_OFFS.index(own.bandwidth) << 2 | _ACCEL_RANGES.index(own.range)
+        full_scale, bandwidth = own.range * _GRAVITY, own.bandwidth * _NOISE_PER_CUT_OFF
+        rail = round(full_scale * 100)
+        super().__init__(
+            registers,
+            clock,
+            wire,
+            {Register.ACC_CONFIG: code},
+            Scale(per_unit=100.0, rails=(-rail, rail)),
+            rate=_RATE,
+            noise=_ACCEL_NOISE * math.sqrt(bandwidth) * 100,
+            full_scale=full_scale,
+            bandwidth=bandwidth,
+        )
+
+
+class Bno055Magnetometer(_Bno055):
+    """Its magnetometer, not compensated."""
+
+    chip: ClassVar[Chip] = _chip("magnetometer")
+    measures: ClassVar[tuple[Channel, ...]] = three_axes("uT")
+    axes_at: ClassVar[int] = Register.MAG_DATA
+
+    def __init__(self, registers: Registers, clock: Clock, wire: Wire) -> None:
+        rate = settings.read(wire, MagnetometerSettings).rate
+        rail = round(_MAG_RANGE * 16)
+        super().__init__(
+            registers,
+            clock,
+            wire,
+            {Register.MAG_CONFIG: _REGULAR | _MAG_RATES.index(rate)},
+            Scale(per_unit=16.0, rails=(-rail, rail)),
+            rate=rate,
+            noise=math.inf,
+            full_scale=_MAG_RANGE,
+            bandwidth=rate / 2,
+        )
+
+
+class Bno055(SensorDriver):
+    """Driver `bno055`: roles `gyroscope`, `accelerometer`, `magnetometer`, and `thermometer` for its temperature.
+
+    A wire may set `range` (deg/s or g) and `bandwidth` (-3 dB, Hz), that of the magnetometer `rate` (Hz).
+    """
+
+    roles: ClassVar[frozenset[str]] = frozenset({"gyroscope", "accelerometer", "magnetometer", "thermometer"})
+    sensor: ClassVar[type[Sensor]] = Bno055Gyroscope
+    others: ClassVar[tuple[type[Sensor], ...]] = (Bno055Accelerometer, Bno055Magnetometer)

@@ -1,0 +1,380 @@
+"""TDK InvenSense ICM-20948 gyroscope, accelerometer and magnetometer on an I2C bus, of the host or of an OBC.
+
+Registers, banks, ranges and rates: data sheet DS-000189 and the SparkFun and PX4 drivers; noise bandwidths of the
+filters and times from memory of its tables. Three traps are avoided. The chip sleeps after power-on. Its settings lie
+in four banks. The magnetometer, an AK09916 at 0x0C, hangs on a second bus that the host reaches only while the chip is
+awake, with BYPASS_EN set and I2C_MST_EN cleared; after each sample its ST2 must be read, or data stay as they are.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Annotated, ClassVar, TypeVar, cast
+
+import numpy as np
+
+from hil.clock.port import Clock
+from hil.instruments import settings
+from hil.instruments.sampled import Channel
+from hil.instruments.sensors.axes import Axes, Sampling, three_axes
+from hil.instruments.sensors.fifo import Fifo, Packets
+from hil.instruments.sensors.recorder import FifoSensor
+from hil.instruments.sensors.registers import Banks, Registers
+from hil.instruments.sensors.scale import Scale
+from hil.instruments.sensors.sensor import Chip, Sensor, SensorDriver
+from hil.instruments.sensors.stillness import Stillness
+from hil.model.bench import Wire
+from hil.model.errors import NoReply, WrongIdentity
+from hil.model.notation import measured
+
+__all__ = ["Icm20948", "Icm20948Accelerometer", "Icm20948Gyroscope", "Icm20948Magnetometer"]
+
+_T = TypeVar("_T")
+
+
+class Register(IntEnum):
+    """Registers by bank (high byte) and number (low byte)."""
+
+    WHO_AM_I = 0x00
+    USER_CTRL = 0x03
+    PWR_MGMT_1 = 0x06
+    PWR_MGMT_2 = 0x07
+    INT_PIN_CFG = 0x0F
+    INT_STATUS_1 = 0x1A
+    INT_STATUS_2 = 0x1B
+    ACCEL_OUT = 0x2D
+    GYRO_OUT = 0x33
+    TEMP_OUT = 0x39
+    FIFO_EN_2 = 0x67
+    FIFO_RST = 0x68
+    FIFO_MODE = 0x69
+    FIFO_COUNT = 0x70
+    FIFO_R_W = 0x72
+    REG_BANK_SEL = 0x7F
+    GYRO_SMPLRT_DIV = 0x200
+    GYRO_CONFIG_1 = 0x201
+    ACCEL_SMPLRT_DIV_1 = 0x210
+    ACCEL_SMPLRT_DIV_2 = 0x211
+    ACCEL_CONFIG = 0x214
+
+
+class MagnetometerRegister(IntEnum):
+    """Registers of the AK09916."""
+
+    WIA2 = 0x01
+    ST1 = 0x10
+    HXL = 0x11
+    CNTL2 = 0x31
+    CNTL3 = 0x32
+
+
+_DEVICE_RESET, _ASLEEP, _AWAKE = 0x80, 0x41, 0x01
+_RESET_S = 0.1
+_START_UP_S = 0.035
+_NEW = 0x01
+_BYPASS = 0x02
+_REACHABLE: Mapping[int, int] = {Register.PWR_MGMT_1: _AWAKE, Register.USER_CTRL: 0, Register.INT_PIN_CFG: _BYPASS}
+"""What the first die must hold for the magnetometer to be there; the FIFO's bit of USER_CTRL does not matter."""
+_FIFO_ON = 0x40
+_MEANING: Mapping[int, str] = {
+    Register.PWR_MGMT_1: "the chip sleeps",
+    Register.USER_CTRL: "I2C_MST_EN must be off",
+    Register.INT_PIN_CFG: "BYPASS_EN is not set",
+}
+_NAME = 0xEA
+
+_BASE_RATE = 1125.0
+_RATES = tuple(_BASE_RATE / divisor for divisor in (250, 125, 90, 50, 25, 15, 10, 9, 5))
+_GYRO_RANGES = {250.0: (0, 131.0), 500.0: (1, 65.5), 1000.0: (2, 32.8), 2000.0: (3, 16.4)}
+_ACCEL_RANGES = {2.0: (0, 16384.0), 4.0: (1, 8192.0), 8.0: (2, 4096.0), 16.0: (3, 2048.0)}
+# By code: bandwidth at -3 dB, noise bandwidth [Hz]. Code 0 of the accelerometer is as 1.
+_GYRO_CUT_OFFS = (196.6, 151.8, 119.5, 51.2, 23.9, 11.6, 5.7, 361.4)
+_GYRO_BANDWIDTHS = (229.8, 187.6, 154.3, 73.3, 35.9, 17.8, 8.9, 376.5)
+_ACCEL_CUT_OFFS = (246.0, 246.0, 111.4, 50.4, 23.9, 11.5, 5.7, 473.0)
+_ACCEL_BANDWIDTHS = (265.0, 265.0, 136.0, 68.8, 34.4, 17.0, 8.3, 499.0)
+_GYRO_NOISE, _ACCEL_NOISE = 0.015, 230e-6  # one-sided, typical: deg/s/sqrt(Hz), g/sqrt(Hz)
+_GRAVITY = 9.80665  # m/s2 of a g
+_RAILS = (-32768, 32767)
+# 21 degC and 333.87 counts per degree; beyond -40 and 85 degC it is no temperature of this chip.
+_CELSIUS = Scale(per_unit=333.87, zero=21.0, rails=(-20_367, 21_368))
+
+_PACKET = np.dtype([("gyro", ">i2", (3,)), ("temperature", ">i2")])
+_GYRO_AND_TEMPERATURE = 0x0F
+
+_MAG_RATES = {10.0: 0x02, 20.0: 0x04, 50.0: 0x06, 100.0: 0x08}
+_OFF, _SOFT_RESET = 0x00, 0x01
+_MAG_RESET_S = 0.001
+_READY, _OVERFLOW = 0x01, 0x08
+_MAG_NOISE = 2.0  # counts rms, a guess
+
+
+def _decoded(data: bytes) -> Packets:
+    axes = np.frombuffer(data, _PACKET)["gyro"].astype(np.int16)
+    return Packets(axes, np.ones(len(axes), dtype=np.bool_))
+
+
+FIFO = Fifo(
+    size=512,
+    packet=_PACKET.itemsize,
+    count=Register.FIFO_COUNT,
+    data=Register.FIFO_R_W,
+    lost=Register.INT_STATUS_2,
+    lost_flag=0x1F,
+    temperature=Register.TEMP_OUT,
+    prepare=lambda _: {Register.FIFO_MODE: 0, Register.FIFO_EN_2: _GYRO_AND_TEMPERATURE},
+    flush=(Register.FIFO_RST, 0x1F),
+    fill=lambda _: {Register.FIFO_RST: 0, Register.USER_CTRL: _FIFO_ON},
+    off={Register.USER_CTRL: 0, Register.FIFO_EN_2: 0},
+    decode=_decoded,
+)
+"""Packets of 8 bytes, of which 64 fill it: what is lost when it is full are whole packets."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GyroscopeSettings:
+    """What a wire may set: range [deg/s], rate [Hz], and bandwidth at -3 dB [Hz], None for what fits the rate."""
+
+    range: Annotated[float, measured("deg/s", choices=tuple(_GYRO_RANGES))] = 2000.0
+    rate: Annotated[float, measured("Hz", choices=_RATES)] = 112.5
+    bandwidth: Annotated[float | None, measured("Hz", choices=_GYRO_CUT_OFFS)] = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AccelerometerSettings:
+    """What a wire may set: range [g], rate [Hz], and bandwidth at -3 dB [Hz], None for what fits the rate."""
+
+    range: Annotated[float, measured("g", choices=tuple(_ACCEL_RANGES))] = 16.0
+    rate: Annotated[float, measured("Hz", choices=_RATES)] = 112.5
+    bandwidth: Annotated[float | None, measured("Hz", choices=_ACCEL_CUT_OFFS)] = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MagnetometerSettings:
+    """What a wire may set: rate [Hz]."""
+
+    rate: Annotated[float, measured("Hz", choices=tuple(_MAG_RATES))] = 100.0
+
+
+def _chip(role: str) -> Chip:
+    return Chip(
+        model="ICM-20948",
+        driver="icm20948",
+        role=role,
+        identity=(Register.WHO_AM_I, _NAME),
+        strap="AD0",
+        addresses=(0x68, 0x69),
+        banks=Banks(register=Register.REG_BANK_SEL, shift=4, most=3),
+    )
+
+
+def _code(cut_offs: Sequence[float], rate: float, wanted: float | None) -> int:
+    """Return the code of a filter: the one that is wanted, or the widest up to half the rate."""
+    widest = max((each for each in cut_offs if each <= rate / 2), default=min(cut_offs))
+    return cut_offs.index(widest if wanted is None else wanted)
+
+
+def _others_run(sensor: Sensor) -> bool:
+    """Return whether another sensor of the chip runs, of either die."""
+    return any(each.running for each in sensor.beside.values() if each is not sensor)
+
+
+class _FirstDie(Axes):
+    """Gyroscope or accelerometer, which share a die; a sample is one that was not read yet."""
+
+    temperature_at: ClassVar[int] = Register.TEMP_OUT
+    together: ClassVar[bool] = True
+    _settings: Mapping[int, int]
+
+    def _wake(self) -> None:
+        """Reset the chip unless another sensor in it runs, set this one, read all back, and wait for a sample."""
+        if not _others_run(self):
+            self._registers.write(Register.PWR_MGMT_1, _DEVICE_RESET)
+            self._clock.sleep(_RESET_S)
+            self._registers.bank_lost()
+        values = {**_REACHABLE, Register.PWR_MGMT_2: 0, **self._settings}
+        self._registers.set(values)
+        self._clock.sleep(_START_UP_S)
+        self._registers.expect(values)
+        self._judge_anew()
+        self._registers.read(Register.INT_STATUS_1)  # takes away the flag of a sample from before
+        self._await_sample()
+
+    def _sleep(self) -> None:
+        """Put the chip to sleep unless another sensor in it runs, and read that back."""
+        if not _others_run(self):
+            self._registers.write(Register.PWR_MGMT_1, _ASLEEP)
+            self._registers.expect({Register.PWR_MGMT_1: _ASLEEP})
+
+    def _sample(self) -> tuple[float, ...]:
+        self._await_sample()
+        return super()._sample()
+
+    def _await_sample(self) -> None:
+        self._await_new(lambda: bool(self._registers.read(Register.INT_STATUS_1) & _NEW), self._sampling.rate)
+
+
+class Icm20948Gyroscope(_FirstDie, FifoSensor):
+    """Its gyroscope, which can stream."""
+
+    chip: ClassVar[Chip] = _chip("gyroscope")
+    measures: ClassVar[tuple[Channel, ...]] = three_axes("deg/s")
+    fifo: ClassVar[Fifo] = FIFO
+    axes_at: ClassVar[int] = Register.GYRO_OUT
+
+    def __init__(self, registers: Registers, clock: Clock, wire: Wire) -> None:
+        own = settings.read(wire, GyroscopeSettings)
+        code, sensitivity = _GYRO_RANGES[own.range]
+        filtered = _code(_GYRO_CUT_OFFS, own.rate, own.bandwidth)
+        bandwidth = _GYRO_BANDWIDTHS[filtered]
+        self._settings = {
+            Register.GYRO_SMPLRT_DIV: round(_BASE_RATE / own.rate) - 1,
+            Register.GYRO_CONFIG_1: filtered << 3 | code << 1 | 1,
+        }
+        sampling = Sampling(
+            rate=own.rate,
+            axes=Scale(per_unit=sensitivity, rails=_RAILS),
+            temperature=_CELSIUS,
+            order="big",
+            noise=_GYRO_NOISE * math.sqrt(bandwidth) * sensitivity,
+            awake={Register.PWR_MGMT_1: _AWAKE, Register.USER_CTRL: _FIFO_ON},
+        )
+        super().__init__(registers, clock, wire, sampling, full_scale=own.range, bandwidth=bandwidth)
+
+
+class Icm20948Accelerometer(_FirstDie):
+    """Its accelerometer."""
+
+    chip: ClassVar[Chip] = _chip("accelerometer")
+    measures: ClassVar[tuple[Channel, ...]] = three_axes("m/s2")
+    axes_at: ClassVar[int] = Register.ACCEL_OUT
+
+    def __init__(self, registers: Registers, clock: Clock, wire: Wire) -> None:
+        own = settings.read(wire, AccelerometerSettings)
+        code, sensitivity = _ACCEL_RANGES[own.range]
+        filtered = _code(_ACCEL_CUT_OFFS, own.rate, own.bandwidth)
+        bandwidth = _ACCEL_BANDWIDTHS[filtered]
+        self._settings = {
+            Register.ACCEL_SMPLRT_DIV_1: 0,
+            Register.ACCEL_SMPLRT_DIV_2: round(_BASE_RATE / own.rate) - 1,
+            Register.ACCEL_CONFIG: filtered << 3 | code << 1 | 1,
+        }
+        sampling = Sampling(
+            rate=own.rate,
+            axes=Scale(per_unit=sensitivity, factor=_GRAVITY, rails=_RAILS),
+            temperature=_CELSIUS,
+            order="big",
+            noise=_ACCEL_NOISE * math.sqrt(bandwidth) * sensitivity,
+            awake={},
+        )
+        full_scale = own.range * _GRAVITY
+        super().__init__(registers, clock, wire, sampling, full_scale=full_scale, bandwidth=bandwidth)
+
+
+class Icm20948Magnetometer(Sensor):
+    """Its magnetometer, an AK09916 with registers of its own; a sample is one that was not read yet.
+
+    The temperature is that of the first die.
+    """
+
+    chip: ClassVar[Chip] = Chip(
+        model="AK09916",
+        driver="icm20948",
+        role="magnetometer",
+        identity=(MagnetometerRegister.WIA2, 0x09),
+        identity_name="WIA2",
+        strap="",
+        addresses=(0x0C,),
+        second=True,
+        hidden=True,
+    )
+    measures: ClassVar[tuple[Channel, ...]] = three_axes("uT")
+
+    def __init__(self, registers: Registers, clock: Clock, wire: Wire) -> None:
+        super().__init__(registers, clock, wire)
+        self._first_die = cast("Registers", registers.other)
+        self._rate = settings.read(wire, MagnetometerSettings).rate
+        # Readings stop at 32752 counts.
+        self._axes = Scale(per_unit=1.0, factor=0.15, rails=(-32752, 32752))
+        self._stillness = Stillness(self._device, self._axes, _MAG_NOISE)
+
+    def _identify(self) -> None:
+        """Open the way to the magnetometer, then ask for its name; the first die must be the right one, too."""
+        first = self._first_die
+        if (name := first.read(Register.WHO_AM_I)) != _NAME and (not first.bank_lost() or first.read(0) != _NAME):
+            raise WrongIdentity(
+                self._device,
+                f"WHO_AM_I is {name:#04x}, the ICM-20948 has {_NAME:#04x}",
+                "compare the address in the bench file with the board's AD0 strap",
+            )
+        if not _others_run(self):
+            first.set(_REACHABLE)
+        self._reached(super()._identify)
+
+    def _wake(self) -> None:
+        """Reset the magnetometer, set its rate, read it back, and wait for the first sample."""
+        mode: dict[int, int] = {MagnetometerRegister.CNTL2: _MAG_RATES[self._rate]}
+        self._registers.write(MagnetometerRegister.CNTL3, _SOFT_RESET)
+        self._clock.sleep(_MAG_RESET_S)
+        self._registers.set(mode)
+        self._registers.expect(mode)
+        self._stillness = Stillness(self._device, self._axes, _MAG_NOISE)
+        self._await_sample()
+
+    def _sleep(self) -> None:
+        """Put the magnetometer to sleep, and the first die unless a sensor of it runs; read that back."""
+        off: dict[int, int] = {MagnetometerRegister.CNTL2: _OFF}
+
+        def switch_off() -> None:
+            self._registers.set(off)
+            self._registers.expect(off)
+
+        self._reached(switch_off)
+        if not _others_run(self):
+            self._first_die.write(Register.PWR_MGMT_1, _ASLEEP)
+            self._first_die.expect({Register.PWR_MGMT_1: _ASLEEP})
+
+    def _sample(self) -> tuple[float, ...]:
+        self._reached(self._await_sample)
+        # To ST2, which ends the reading: x, y, z, a dummy, ST2.
+        data = self._reached(lambda: self._registers.block(MagnetometerRegister.HXL, 8))
+        counts = struct.unpack("<hhh", data[:6])
+        self._stillness.judge(counts)
+        overflow = data[7] & _OVERFLOW
+        axes = (math.nan if overflow else self._axes.number(axis) for axis in counts)
+        celsius = int.from_bytes(self._first_die.block(Register.TEMP_OUT, 2), "big", signed=True)
+        return (*axes, _CELSIUS.number(celsius))
+
+    def _await_sample(self) -> None:
+        self._await_new(lambda: bool(self._registers.read(MagnetometerRegister.ST1) & _READY), self._rate)
+
+    def _reached(self, transfer: Callable[[], _T]) -> _T:
+        """Transfer with the magnetometer; where it does not acknowledge, say what of the first die keeps it away."""
+        try:
+            return transfer()
+        except NoReply as fault:
+            for register, wanted in _REACHABLE.items():
+                found = self._first_die.read(register) & ~(_FIFO_ON if register == Register.USER_CTRL else 0)
+                if found != wanted:
+                    name = Register(register).name
+                    raise NoReply(
+                        self._device,
+                        f"its magnetometer cannot be reached: {name} is {found:#04x}, which must be {wanted:#04x}"
+                        f" ({_MEANING[register]})",
+                        "start it again, and look what else writes to the sensor",
+                    ) from fault
+            raise
+
+
+class Icm20948(SensorDriver):
+    """Driver `icm20948`: roles `gyroscope`, `accelerometer`, `magnetometer`, and `thermometer` for its temperature.
+
+    A wire may set `range` (deg/s or g), `rate` (Hz) and `bandwidth` (-3 dB, Hz), that of the magnetometer `rate`.
+    """
+
+    roles: ClassVar[frozenset[str]] = frozenset({"gyroscope", "accelerometer", "magnetometer", "thermometer"})
+    sensor: ClassVar[type[Sensor]] = Icm20948Gyroscope
+    others: ClassVar[tuple[type[Sensor], ...]] = (Icm20948Accelerometer, Icm20948Magnetometer)

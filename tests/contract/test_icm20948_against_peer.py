@@ -1,0 +1,182 @@
+"""What is peculiar to the ICM-20948: banks, sleep, the way to its magnetometer, and a FIFO that does not count."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from behind_obc import BehindObc
+from sensor_bench import ICM20948, ICM20948_MAGNETOMETER, Bench
+
+from hil.model.bench import Wire
+from hil.model.errors import NoReply, Rejected, WrongIdentity
+
+SECOND = 1_000_000_000
+MAGNETOMETER = 0x0C
+BOTH = pytest.mark.parametrize("kind", [Bench, BehindObc], ids=["own bus", "obc"])
+
+
+def write(bench, register, value, address=0x68):
+    """Write one register."""
+    bench.bus.write_byte_data(address, register, value)
+
+
+def test_what_it_says_after_power_on():
+    """It sleeps, its data are 0, its settings lie in bank 2, and every bank shows which one is selected."""
+    bench = Bench(ICM20948)
+    assert (bench.read(0x00), bench.read(0x06), bench.read(0x2D, 14)) == (b"\xea", b"\x41", bytes(14))
+    write(bench, 0x7F, 0x20)
+    assert (bench.read(0x7F), bench.read(0x00, 2), bench.read(0x14)) == (b"\x20", b"\x00\x01", b"\x01")
+
+
+@pytest.mark.parametrize(
+    ("power", "pins", "user", "there"),
+    [(0x01, 0x02, 0x00, True), (0x41, 0x02, 0x00, False), (0x01, 0x00, 0x00, False), (0x01, 0x02, 0x20, False)],
+    ids=["there", "asleep", "no bypass", "the chip is master"],
+)
+def test_the_magnetometer_answers_only_through_the_bypass(power, pins, user, there):
+    """Awake, BYPASS_EN set, I2C_MST_EN clear: else nobody acknowledges at 0x0C."""
+    bench = Bench(ICM20948)
+    for register, value in ((0x06, power), (0x0F, pins), (0x03, user)):
+        write(bench, register, value)
+    if there:
+        assert bench.bus.read_i2c_block_data(MAGNETOMETER, 0x00, 2) == [0x48, 0x09]
+    else:
+        with pytest.raises(OSError, match="Remote I/O error"):
+            bench.bus.read_byte_data(MAGNETOMETER, 0x01)
+
+
+def test_magnetometer_data_stay_until_the_second_status_is_read():
+    """They are protected while they are read; what came meanwhile is lost and an overrun, and the next one is new."""
+    bench = Bench(ICM20948_MAGNETOMETER, truth={"noise": ["9"] * 3})
+    bench.sensor.start()
+
+    def data(register, count):
+        return bench.bus.read_i2c_block_data(MAGNETOMETER, register, count)
+
+    first = data(0x11, 6)
+    bench.clock.sleep(0.1)
+    assert (data(0x11, 6), data(0x10, 1), data(0x18, 1)) == (first, [0x02], [0x00])
+    assert data(0x10, 1) == [0x00]
+    bench.clock.sleep(0.01)
+    assert (data(0x10, 1), data(0x11, 6) == first) == ([0x01], False)
+
+
+def test_a_bypass_that_cannot_be_set_is_an_error_that_says_so():
+    """The magnetometer does not start, whatever its own address says."""
+    bench = Bench(ICM20948_MAGNETOMETER, faults=[{"kind": "bypass-off"}])
+    with pytest.raises(NoReply, match=r"cannot be reached: INT_PIN_CFG is 0x00, .* 0x02 \(BYPASS_EN is not set\)"):
+        bench.sensor.start()
+
+
+@BOTH
+@pytest.mark.parametrize(
+    ("register", "value", "said"),
+    [(0x0F, 0x00, "BYPASS_EN is not set"), (0x03, 0x20, "I2C_MST_EN must be off"), (0x06, 0x41, "the chip sleeps")],
+)
+def test_a_bypass_that_is_lost_ends_the_samples(kind, register, value, said):
+    """Somebody else writes to the chip: the next sample is an error with the register that is wrong."""
+    bench = kind(chip=ICM20948_MAGNETOMETER)
+    bench.sensor.start()
+    bench.sensor.sample()
+    write(bench, register, value)
+    with pytest.raises(NoReply, match=f"sensor: its magnetometer cannot be reached: .*{said}"):
+        bench.sensor.sample()
+
+
+def test_a_magnetometer_of_another_type():
+    """The bypass is open, and who answers there is not an AK09916; behind it another chip is found first."""
+    bench = Bench(ICM20948_MAGNETOMETER)
+    bench.driver._dies[True].read = lambda _: 0x05
+    with pytest.raises(WrongIdentity, match="WIA2 is 0x05, the AK09916 has 0x09"):
+        bench.sensor.start()
+
+
+def test_three_sensors_of_one_chip_live_side_by_side():
+    """Each starts without a reset of the others, and none takes the others to sleep with it."""
+    bench = Bench(ICM20948, truth={"bias_x": ["1.5", "0", "0"], "offset": ["48", "0", "0"]})
+    accelerometer, magnetometer = (
+        bench.driver.role(Wire(role=role, instrument="sensor")) for role in ("accelerometer", "magnetometer")
+    )
+    roles = (magnetometer, bench.sensor, accelerometer)
+    for role in roles:
+        role.start()
+    assert [round(role.sample()[0], 0) for role in roles] == [48, 2, 0]
+    bench.sensor.stop()
+    assert accelerometer.sample()[2] == pytest.approx(9.8, abs=0.1)
+    accelerometer.stop()
+    assert magnetometer.sample()[0] == pytest.approx(48, abs=2)
+    magnetometer.stop()
+    assert bench.read(0x06) == b"\x41"
+
+
+def test_a_sensor_that_falls_asleep_gives_no_new_sample():
+    """Its registers stay readable; there is no number that could pass. One that cannot be woken does not start."""
+    bench = Bench(ICM20948, faults=[{"kind": "asleep", "from": "1 s"}])
+    bench.sensor.start()
+    bench.clock.wait_until(SECOND)
+    with pytest.raises(NoReply, match="no new sample within .* at 112.5 Hz"):
+        bench.sensor.sample()
+    with pytest.raises(Rejected, match="PWR_MGMT_1 was set to 0x01 and reads back 0x41"):
+        bench.sensor.start()
+
+
+def test_a_temperature_in_counts_is_no_number():
+    """24000 counts would be 93 degC, beyond what the chip is made for."""
+    bench = Bench(ICM20948, faults=[{"kind": "temperature-raw"}])
+    bench.sensor.start()
+    assert math.isnan(bench.sensor.sample()[3])
+    with pytest.raises(NoReply, match="temperature is marked invalid"):
+        bench.sensor.temperature()
+
+
+def streamed(kind, pauses, **given):
+    """Return the rows of a stream drained after these pauses, its report, and how long it went."""
+    bench = kind(chip=ICM20948, **given)
+    bench.sensor.start()
+    bench.sensor.begin(112.5)
+    began = bench.clock.now()
+    assert bench.sensor.longest_pause == pytest.approx(32 / 112.5)
+    blocks = []
+    for pause in pauses:
+        bench.clock.sleep(pause)
+        blocks.append(bench.sensor.drain())
+    return np.concatenate(blocks), bench.sensor.end(), bench.clock.now() - began
+
+
+@BOTH
+def test_a_stream_is_whole(kind):
+    """Every sample once, at its own time, over both buses."""
+    rows, report, seconds = streamed(kind, [0.25] * 20, truth=ICM20948.truth)
+    assert (report.lost, report.lost_samples) == (0, 0)
+    assert len(rows) == pytest.approx(seconds * 112.5, abs=4)
+    assert rows[:, 0] == pytest.approx(np.arange(1, len(rows) + 1) / 112.5, abs=0.01)
+    assert rows[:, 1:].mean(axis=0) == pytest.approx(ICM20948.expected, abs=0.02)
+
+
+@BOTH
+def test_a_fifo_that_overflows_leaves_time_empty_and_is_counted(kind):
+    """64 packets fit; how many came beside them follows from time."""
+    rows, report, seconds = streamed(kind, [0.25, 2.0, 0.25, 0.25])
+    assert report.lost_samples == pytest.approx(2 * 112.5 - 64, abs=3)
+    assert np.diff(rows[:, 0]).max() == pytest.approx(2 - 64 / 112.5, abs=0.03)
+    assert rows[-1, 0] == pytest.approx(seconds, abs=0.03)
+
+
+@BOTH
+@pytest.mark.parametrize(
+    ("fault", "said"),
+    [("stuck", "consecutive samples are equal"), ("dead", "no acknowledge"), ("asleep", "it has lost its settings")],
+)
+def test_a_stream_that_fails_says_why(kind, fault, said):
+    """Whatever it is, no more rows come."""
+    with pytest.raises(NoReply, match=f"sensor: .*{said}"):
+        streamed(kind, [0.25] * 20, faults=[{"kind": fault, "from": "2 s"}])
+
+
+def test_saturated_rows_are_no_numbers():
+    """At the rail the true rate is unknown."""
+    rows, *_ = streamed(Bench, [0.25] * 12, faults=[{"kind": "saturated", "from": "1 s", "until": "2 s"}])
+    assert np.isnan(rows[:, 1:4]).all(axis=1).sum() == pytest.approx(112.5, abs=2)
+    assert not np.isnan(rows[:, 4]).any()
