@@ -14,10 +14,11 @@ from hil.instruments.driver import Clamps, Connection
 from hil.instruments.icm20948 import Icm20948
 from hil.instruments.iim42652 import Iim42652
 from hil.instruments.lis3mdl import Lis3mdl
+from hil.instruments.lsm9ds1 import Lsm9ds1
 from hil.instruments.sensors.sensor import SensorDriver
 from hil.model.bench import InstrumentSpec, Wire
 from hil.simulation.faults import read_faults
-from hil.simulation.peers import bmi088, bno055, icm20948, iim42652, lis3mdl
+from hil.simulation.peers import bmi088, bno055, icm20948, iim42652, lis3mdl, lsm9ds1
 from hil.simulation.peers.faulty import FaultyBusPeer, FaultySerialPeer
 from hil.simulation.peers.model import Connections, PeerModel, PeerSetup
 from hil.simulation.plants.plant import Plant
@@ -252,6 +253,54 @@ BNO055_MAGNETOMETER = replace(
     noisy={},
 )
 
+LSM9DS1 = SensorChip(
+    driver=Lsm9ds1,
+    model=lsm9ds1.MODEL,
+    role="gyroscope",
+    unit="deg/s",
+    named="LSM9DS1",
+    address=0x6A,
+    strapped=0x6B,
+    power_on=(0x1E, bytes.fromhex("383800000400")),
+    ranges=("245", "500", "2000"),
+    rates=("119", "238", "476", "952"),
+    narrow=245.0,
+    truth=IIM42652.truth,
+    expected=IIM42652.expected,
+    close=0.3,
+    noisy={"white": ["1", "1", "1"]},
+    sleep=(0x10, 0x00),
+)
+
+LSM9DS1_ACCELEROMETER = replace(
+    LSM9DS1,
+    role="accelerometer",
+    unit="m/s2",
+    ranges=("2", "4", "8", "16"),
+    narrow=2 * 9.80665,
+    truth=BMI088_ACCELEROMETER.truth,
+    expected=BMI088_ACCELEROMETER.expected,
+    close=0.2,
+    noisy=BMI088_ACCELEROMETER.noisy,
+    sleep=(0x20, 0x00),
+)
+
+LSM9DS1_MAGNETOMETER = replace(
+    LSM9DS1,
+    role="magnetometer",
+    unit="uT",
+    die=0x1C,
+    power_on=LIS3MDL.power_on,
+    ranges=LIS3MDL.ranges,
+    rates=LIS3MDL.rates,
+    narrow=400.0,
+    truth=LIS3MDL.truth,
+    expected=LIS3MDL.expected,
+    close=0.2,
+    noisy={},
+    sleep=(0x22, 0x03),
+)
+
 CHIPS = (
     IIM42652,
     LIS3MDL,
@@ -263,6 +312,9 @@ CHIPS = (
     ICM20948,
     ICM20948_ACCELEROMETER,
     ICM20948_MAGNETOMETER,
+    LSM9DS1,
+    LSM9DS1_ACCELEROMETER,
+    LSM9DS1_MAGNETOMETER,
 )
 """Every chip; a new one is added here, and has all tests of the family."""
 

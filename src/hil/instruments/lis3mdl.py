@@ -45,7 +45,7 @@ _RANGES = {4.0: (0b00, 6842.0), 8.0: (0b01, 3421.0), 12.0: (0b10, 2281.0), 16.0:
 # Rate in Hz: bits of CTRL_REG1; 155 Hz is the fast rate of the ultra-high performance mode.
 _RATES = {0.625 * 2**code: code << 2 for code in range(8)} | {155.0: _FAST_RATE}
 _MICROTESLA_PER_GAUSS = 100.0
-_CELSIUS = Scale(per_unit=8.0, zero=25.0)
+_CELSIUS = Scale(per_unit=8.0, zero=25.0, rails=(-(45 + 25) * 8, (95 - 25) * 8))  # made for -40 to 85 degC
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,7 +57,11 @@ class Lis3mdlSettings:
 
 
 class Lis3mdlMagnetometer(Sensor):
-    """One sensor; fills the role `magnetometer`. A sample is one that was not read yet."""
+    """One sensor; fills the role `magnetometer`. A sample is one that was not read yet.
+
+    Attributes:
+        ranges: full scale in gauss: its code, and counts per gauss.
+    """
 
     chip: ClassVar[Chip] = Chip(
         model="LIS3MDL",
@@ -69,12 +73,13 @@ class Lis3mdlMagnetometer(Sensor):
         increment=_AUTO_INCREMENT,
     )
     measures: ClassVar[tuple[Channel, ...]] = three_axes("uT")
+    ranges: ClassVar[dict[float, tuple[int, float]]] = _RANGES
 
     def __init__(self, registers: Registers, clock: Clock, wire: Wire) -> None:
         super().__init__(registers, clock, wire)
         own = settings.read(wire, Lis3mdlSettings)
         self._rate, full_scale = own.rate, own.range
-        code, per_gauss = _RANGES[full_scale]
+        code, per_gauss = self.ranges[full_scale]
         self._axes = Scale(
             per_unit=per_gauss, factor=_MICROTESLA_PER_GAUSS, full_scale=full_scale, rails=(-32768, 32767)
         )
@@ -109,13 +114,17 @@ class Lis3mdlMagnetometer(Sensor):
         """Wait for a sample that was not read yet, within two periods and a margin, and return it."""
         self._await_sample()
         data = self._registers.block(_OUT_X_L, 6)
-        temperature = self._registers.block(_TEMP_OUT_L, 2)
+        temperature, celsius = self._temperature()
         if set(data + temperature) == {0xFF} and self.chip.name_of(self._registers) != _ITS_NAME:
             raise Garbled(self._device, "the bus reads nothing but ones", "check the sensor's power and its SDA wire")
         counts = struct.unpack("<hhh", data)
         self._stillness.judge(counts)
-        celsius = _CELSIUS.number(struct.unpack("<h", temperature)[0])
         return (*(self._axes.number(axis) for axis in counts), celsius)
+
+    def _temperature(self) -> tuple[bytes, float]:
+        """Return the two bytes of the temperature, and what they are in degC."""
+        data = self._registers.block(_TEMP_OUT_L, 2)
+        return data, _CELSIUS.number(struct.unpack("<h", data)[0])
 
     def _await_sample(self) -> None:
         self._await_new(lambda: bool(self._registers.read(_STATUS_REG) & _NEW_XYZ), self._rate)

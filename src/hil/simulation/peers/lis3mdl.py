@@ -17,7 +17,15 @@ from typing import ClassVar, Self
 from hil.clock.port import NANOSECONDS
 from hil.simulation.faults import Saturated, Stuck
 from hil.simulation.peers.model import PeerModel, PeerSetup
-from hil.simulation.peers.sensors.chip import Datasheet, Fitted, OtherIdentity, SensorPeer, number_at
+from hil.simulation.peers.sensors.chip import (
+    Asleep,
+    Datasheet,
+    Fitted,
+    OtherIdentity,
+    SensorPeer,
+    TemperatureRaw,
+    number_at,
+)
 from hil.simulation.peers.sensors.elements import AXES, Die, FieldElement
 from hil.simulation.peers.sensors.grid import Grid
 from hil.simulation.peers.sensors.registers import RegisterFile
@@ -50,22 +58,22 @@ class _Conversion:
 
     mode: int = _POWER_DOWN
     period_ns: int = 0
-    lsb_per_gauss: int = _LSB_PER_GAUSS[0]
+    lsb_per_gauss: float = _LSB_PER_GAUSS[0]
     performance: int = 0
     performance_z: int = 0
     warm: int = 0
     start_ns: int = 0
 
     @classmethod
-    def read(cls, registers: RegisterFile) -> Self:
-        """Read the control registers; all reserved modes are power-down."""
+    def read(cls, registers: RegisterFile, lsb_per_gauss: tuple[float, ...]) -> Self:
+        """Read the control registers of a chip with these sensitivities; all reserved modes are power-down."""
         ctrl1, mode = registers[_CTRL1], registers[_CTRL3] & 3
         performance = ctrl1 >> 5 & 3
         rate = _FAST_RATES[performance] if ctrl1 & 0x02 else _SLOW_RATES[ctrl1 >> 2 & 7]
         return cls(
             mode=mode if mode in {_CONTINUOUS, _SINGLE} else _POWER_DOWN,
             period_ns=round(NANOSECONDS / rate),
-            lsb_per_gauss=_LSB_PER_GAUSS[registers[_CTRL2] >> 5 & 3],
+            lsb_per_gauss=lsb_per_gauss[registers[_CTRL2] >> 5 & 3],
             performance=performance,
             performance_z=registers[_CTRL4] >> 2 & 3,
             warm=ctrl1 >> 7,
@@ -92,6 +100,10 @@ class _Conversion:
 class Lis3mdl(SensorPeer):
     """The sensor on its bus: conversions on their own grid, made when somebody reads them.
 
+    Attributes:
+        lsb_per_gauss: counts per gauss, by the code of the range.
+        thermometer: whether it has one.
+
     Args:
         fitted: where it is, and how it is fed.
         element: what it senses.
@@ -109,6 +121,8 @@ class Lis3mdl(SensorPeer):
         increment=0x80,
         follows={_DATA.stop - 1: _DATA.start},
     )
+    lsb_per_gauss: ClassVar[tuple[float, ...]] = _LSB_PER_GAUSS
+    thermometer: ClassVar[bool] = True
     _conversion: Kept[_Conversion]
     _held: Kept[list[int]]
     _frozen: Kept[list[int] | None]
@@ -138,11 +152,16 @@ class Lis3mdl(SensorPeer):
         self._single = Alarm(self._clock, self._take_single)
         stuck = self._faults.of(Stuck)
         changes = [((fault.start_ns, self._freeze), (fault.end_ns, self._thaw)) for fault in stuck]
-        self._changes = Alarms(self._clock, [change for pair in changes for change in pair])
+        naps = [(fault.start_ns, self._fall_asleep) for fault in self._faults.of(Asleep)]
+        self._changes = Alarms(self._clock, [*(change for pair in changes for change in pair), *naps])
 
     def _was_reset(self) -> None:
         self._conversion, self._held = _Conversion(), [0] * 4
         self._forget()
+
+    def _fall_asleep(self) -> None:
+        if self._ready_ns is not None:
+            self._reset(0)
 
     def _forget(self) -> None:
         """Nothing was read of these conversions yet."""
@@ -155,11 +174,12 @@ class Lis3mdl(SensorPeer):
             # Reboot loads the trimming values again; registers and conversions stay.
             self._registers[register] = value & ~_REBOOT
         elif register in _WRITABLE:
-            self._registers[register] = value
+            asleep = register == _CTRL3 and self._faults.now(Asleep, self._clock.now_ns())
+            self._registers[register] = value | _POWER_DOWN if asleep else value
             self._configure(again=register == _CTRL3)
 
     def _configure(self, *, again: bool) -> None:
-        wanted = _Conversion.read(self._registers)
+        wanted = _Conversion.read(self._registers, self.lsb_per_gauss)
         if wanted != replace(self._conversion, start_ns=0) or (again and wanted.single):
             self._held = self._newest()
             self._conversion = replace(wanted, start_ns=self._clock.now_ns())
@@ -217,9 +237,13 @@ class Lis3mdl(SensorPeer):
         conversion = self._conversion
         if self._made is None or self._made[:2] != (conversion, number):
             at_ns = conversion.grid.end_ns(number)
-            warm = _clipped(self._die.counts_at(at_ns, _LSB_PER_KELVIN)) if conversion.warm else 0
+            warm = self._warm(at_ns) if conversion.warm and self.thermometer else 0
             self._made = conversion, number, [*(self._axis(axis, number, at_ns) for axis in range(len(AXES))), warm]
         return self._made[2]
+
+    def _warm(self, at_ns: int) -> int:
+        raw = self._faults.now(TemperatureRaw, at_ns)
+        return raw.counts if raw else _clipped(self._die.counts_at(at_ns, _LSB_PER_KELVIN))
 
     def _axis(self, axis: int, number: int, at_ns: int) -> int:
         conversion = self._conversion
@@ -253,5 +277,5 @@ def build(setup: PeerSetup) -> Lis3mdl:
     return Lis3mdl(fitted, element, die)
 
 
-MODEL = PeerModel(link="bus", fault_kinds=(OtherIdentity, Saturated, Stuck), build=build)
+MODEL = PeerModel(link="bus", fault_kinds=(Asleep, OtherIdentity, Saturated, Stuck, TemperatureRaw), build=build)
 """The model for the driver `lis3mdl`."""

@@ -1,0 +1,272 @@
+"""ST LSM9DS1 on an I2C bus: gyroscope and accelerometer on one die, magnetometer on another, an address each.
+
+Registers, scales and ranges: the data sheet (DocID025715) as public drivers have it (Adafruit, SparkFun, ST). From
+memory: cut-off frequencies of the first low-pass filter, and how long a gyroscope takes to start; filters are taken for
+Butterworth filters of second order. The data sheet tells no noise: what is expected is that of an article.
+
+Traps that are avoided. The temperature is 25 degC + counts / 16 (one widely used driver has another line). The
+accelerometer's codes of ranges are not in their order. While the gyroscope runs, the accelerometer samples at its rate.
+The magnetometer starts in power-down, continues at the next register only where the address says so, and has no
+thermometer: that is on the other die, which measures only while something there is on.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Annotated, ClassVar
+
+from hil.clock.port import Clock
+from hil.instruments import settings
+from hil.instruments.lis3mdl import Lis3mdlMagnetometer
+from hil.instruments.sampled import Channel
+from hil.instruments.sensors.axes import Axes, Sampling, three_axes
+from hil.instruments.sensors.registers import Registers
+from hil.instruments.sensors.scale import Scale
+from hil.instruments.sensors.sensor import Chip, Sensor, SensorDriver
+from hil.model.bench import Wire
+from hil.model.errors import Refused
+from hil.model.notation import measured
+
+__all__ = ["Lsm9ds1", "Lsm9ds1Accelerometer", "Lsm9ds1Gyroscope", "Lsm9ds1Magnetometer"]
+
+_CTRL_REG1_G, _CTRL_REG2_G, _CTRL_REG3_G, _CTRL_REG4, _CTRL_REG5_XL, _CTRL_REG6_XL = 0x10, 0x11, 0x12, 0x1E, 0x1F, 0x20
+_CTRL_REG7_XL, _CTRL_REG8 = 0x21, 0x22
+_OUT_TEMP, _STATUS, _OUT_G, _OUT_XL = 0x15, 0x17, 0x18, 0x28
+_GYRO_NEW, _ACCEL_NEW, _TEMPERATURE_NEW = 0x02, 0x01, 0x04
+_RESET, _WHOLE_BLOCKS = 0x05, 0x44  # both with the increment of the address, which is on after power-on
+_ALL_AXES = 0x38
+_RESET_S = 0.05
+_START_S = 0.08
+_LONGEST_START_S = 0.5
+
+# Range: code, and per count: mdeg/s, mg, mgauss.
+_TURNS = {245.0: (0b00, 8.75), 500.0: (0b01, 17.5), 2000.0: (0b11, 70.0)}
+_ACCELERATIONS = {2.0: (0b00, 0.061), 4.0: (0b10, 0.122), 8.0: (0b11, 0.244), 16.0: (0b01, 0.732)}
+_FIELDS = {4.0: (0b00, 0.14), 8.0: (0b01, 0.29), 12.0: (0b10, 0.43), 16.0: (0b11, 0.58)}
+# Rate in Hz: code, and -3 dB bandwidth in Hz of gyroscope and accelerometer.
+_RATES = {119.0: (3, 38.0, 50.0), 238.0: (4, 76.0, 105.0), 476.0: (5, 100.0, 211.0), 952.0: (6, 100.0, 408.0)}
+_TEN_HERTZ = 1 << 5
+_GYRO_NOISE, _ACCEL_NOISE = 0.007, 90e-6  # deg/s/sqrt(Hz) and g/sqrt(Hz)
+_STANDARD_GRAVITY = 9.80665
+_RAILS = (-32768, 32767)
+_BUTTERWORTH = math.pi / 4 / math.sin(math.pi / 4)  # noise bandwidth over -3 dB bandwidth
+_CELSIUS = Scale(per_unit=16.0, zero=25.0, rails=(-(45 + 25) * 16, (95 - 25) * 16))  # made for -40 to 85 degC
+
+_INERTIAL = Chip(
+    model="LSM9DS1",
+    driver="lsm9ds1",
+    role="gyroscope",
+    identity=(0x0F, 0x68),
+    strap="SDO_A/G",
+    addresses=(0x6A, 0x6B),
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Lsm9ds1GyroscopeSettings:
+    """What the gyroscope's wire may set: range [deg/s], and rate of samples [Hz]."""
+
+    range: Annotated[float, measured("deg/s", choices=tuple(_TURNS))] = 245.0
+    rate: Annotated[float, measured("Hz", choices=tuple(_RATES))] = 119.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Lsm9ds1AccelerometerSettings:
+    """What the accelerometer's wire may set: range [g], and rate of samples [Hz], as of a gyroscope that is wired."""
+
+    range: Annotated[float, measured("g", choices=tuple(_ACCELERATIONS))] = 2.0
+    rate: Annotated[float, measured("Hz", choices=tuple(_RATES))] = 119.0
+
+
+class _Inertial(Axes):
+    """One of the two sensors on the first die. Its class names what is its own.
+
+    Attributes:
+        control: its register, which is 0 while it rests.
+        fresh: its bit of the status.
+    """
+
+    control: ClassVar[int]
+    fresh: ClassVar[int]
+    temperature_at: ClassVar[int] = _OUT_TEMP
+    controls: int
+
+    def _wake(self) -> None:
+        """Reset the die unless another sensor needs it, set it up, read all back, and wait for the first sample."""
+        for other in (self.beside.get("gyroscope"), self.beside.get("accelerometer")):
+            if isinstance(other, _Inertial) and other.rate != self.rate:
+                raise Refused(
+                    f"{self._device}: gyroscope and accelerometer have one rate, and are wired for {self.rate:g} and"
+                    f" {other.rate:g} Hz",
+                    "give both wires the same rate",
+                )
+        if not any(each.running for each in self.beside.values()):
+            self._registers.write(_CTRL_REG8, _RESET)
+            self._clock.sleep(_RESET_S)
+        wanted = {
+            _CTRL_REG8: _WHOLE_BLOCKS,
+            _CTRL_REG2_G: 0,  # no second filter,
+            _CTRL_REG3_G: 0,  # no high-pass filter, no low-power mode
+            _CTRL_REG4: _ALL_AXES,
+            _CTRL_REG5_XL: _ALL_AXES,
+            _CTRL_REG7_XL: 0,
+            self.control: self.controls,
+        }
+        self._registers.set(wanted)
+        self._read_outputs()  # takes away the flags of a sample from before
+        self._clock.sleep(_START_S)
+        self._registers.expect(wanted)
+        self._judge_anew()
+        fault = (
+            f"no new sample {_START_S + _LONGEST_START_S:.2f} s after it was switched on",
+            "check the sensor's power",
+        )
+        self._wait_for(self._is_fresh, _LONGEST_START_S, self._sampling.period, fault)
+        self._wait_until_valid(_LONGEST_START_S, "after it was switched on")
+
+    def _sleep(self) -> None:
+        """Switch this sensor off and read that back; the die stays on for a magnetometer that needs its thermometer."""
+        self._registers.set({self.control: 0})
+        self._registers.expect({self.control: 0})
+        _rest(self._registers, self.beside)
+
+    @property
+    def rate(self) -> float:
+        """Nominal samples per second."""
+        return self._sampling.rate
+
+    def _is_fresh(self) -> bool:
+        wanted = self.fresh | _TEMPERATURE_NEW
+        return self._registers.read(_STATUS) & wanted == wanted
+
+
+class Lsm9ds1Gyroscope(_Inertial):
+    """The gyroscope."""
+
+    chip: ClassVar[Chip] = _INERTIAL
+    measures: ClassVar[tuple[Channel, ...]] = three_axes("deg/s")
+    control: ClassVar[int] = _CTRL_REG1_G
+    fresh: ClassVar[int] = _GYRO_NEW
+    axes_at: ClassVar[int] = _OUT_G
+    together: ClassVar[bool] = True
+
+    def __init__(self, registers: Registers, clock: Clock, wire: Wire) -> None:
+        own = settings.read(wire, Lsm9ds1GyroscopeSettings)
+        code, milli = _TURNS[own.range]
+        rate, cut_off, _ = _RATES[own.rate]
+        self.controls = rate << 5 | code << 3
+        bandwidth = cut_off * _BUTTERWORTH
+        sampling = Sampling(
+            rate=own.rate,
+            axes=Scale(per_unit=1000.0 / milli, rails=_RAILS),
+            temperature=_CELSIUS,
+            order="little",
+            noise=_GYRO_NOISE * math.sqrt(bandwidth) / milli * 1000.0,
+            awake={_CTRL_REG1_G: self.controls},
+        )
+        super().__init__(registers, clock, wire, sampling, full_scale=own.range, bandwidth=bandwidth)
+
+
+class Lsm9ds1Accelerometer(_Inertial):
+    """The accelerometer."""
+
+    chip: ClassVar[Chip] = replace(_INERTIAL, role="accelerometer")
+    measures: ClassVar[tuple[Channel, ...]] = three_axes("m/s2")
+    control: ClassVar[int] = _CTRL_REG6_XL
+    fresh: ClassVar[int] = _ACCEL_NEW
+    axes_at: ClassVar[int] = _OUT_XL
+
+    def __init__(self, registers: Registers, clock: Clock, wire: Wire) -> None:
+        own = settings.read(wire, Lsm9ds1AccelerometerSettings)
+        code, milli = _ACCELERATIONS[own.range]
+        rate, _, cut_off = _RATES[own.rate]
+        self.controls = rate << 5 | code << 3
+        bandwidth = cut_off * _BUTTERWORTH
+        sampling = Sampling(
+            rate=own.rate,
+            axes=Scale(per_unit=1000.0 / milli, factor=_STANDARD_GRAVITY, rails=_RAILS),
+            temperature=_CELSIUS,
+            order="little",
+            noise=_ACCEL_NOISE * math.sqrt(bandwidth) / milli * 1000.0,
+            awake={_CTRL_REG6_XL: self.controls},
+        )
+        full_scale = own.range * _STANDARD_GRAVITY
+        super().__init__(registers, clock, wire, sampling, full_scale=full_scale, bandwidth=bandwidth)
+
+
+class Lsm9ds1Magnetometer(Lis3mdlMagnetometer):
+    """The magnetometer: registers as of a LIS3MDL, but other scales, and the other die's thermometer.
+
+    The bit that switches the thermometer of a LIS3MDL on compensates this one for temperature.
+    """
+
+    chip: ClassVar[Chip] = Chip(
+        model="LSM9DS1",
+        driver="lsm9ds1",
+        role="magnetometer",
+        identity=(0x0F, 0x3D),
+        identity_name="WHO_AM_I_M",
+        strap="SDO_M",
+        addresses=(0x1C, 0x1E),
+        second=True,
+        increment=0x80,
+    )
+    ranges: ClassVar[dict[float, tuple[int, float]]] = {
+        gauss: (code, 1000.0 / milli) for gauss, (code, milli) in _FIELDS.items()
+    }
+
+    def _wake(self) -> None:
+        """Wake the thermometer, then the magnetometer."""
+        if not _any_inertial(self.beside):
+            _sample_slowly(self._inertial, _TEN_HERTZ)
+            self._temperature()  # takes away the flag of one from before
+            fault = (f"no temperature {_LONGEST_START_S} s after its die was switched on", "check the sensor's power")
+            self._wait_for(self._has_temperature, _LONGEST_START_S, _START_S, fault)
+        super()._wake()
+
+    def _sleep(self) -> None:
+        """Put the magnetometer into power-down, and the other die unless a sensor there runs; read that back."""
+        super()._sleep()
+        _rest(self._inertial, self.beside)
+
+    def _has_temperature(self) -> bool:
+        return bool(self._inertial.read(_STATUS) & _TEMPERATURE_NEW)
+
+    @property
+    def _inertial(self) -> Registers:
+        return self._registers.other or self._registers
+
+    def _temperature(self) -> tuple[bytes, float]:
+        data = self._inertial.block(_OUT_TEMP, 2)
+        return data, _CELSIUS.number(int.from_bytes(data, "little", signed=True))
+
+
+class Lsm9ds1(SensorDriver):
+    """Driver `lsm9ds1`: roles `gyroscope`, `accelerometer`, `magnetometer` and `thermometer`.
+
+    `address` is that of gyroscope and accelerometer, `second_address` that of the magnetometer.
+    """
+
+    roles: ClassVar[frozenset[str]] = frozenset({"accelerometer", "gyroscope", "magnetometer", "thermometer"})
+    sensor: ClassVar[type[Sensor]] = Lsm9ds1Gyroscope
+    others: ClassVar[tuple[type[Sensor], ...]] = (Lsm9ds1Accelerometer, Lsm9ds1Magnetometer)
+
+
+def _any_inertial(beside: Mapping[str, Sensor]) -> bool:
+    """Return whether gyroscope or accelerometer runs, and so the thermometer."""
+    return any(each.running for each in beside.values() if isinstance(each, _Inertial))
+
+
+def _rest(registers: Registers, beside: Mapping[str, Sensor]) -> None:
+    """Where no sensor of the first die runs, leave it as a magnetometer needs it, else asleep."""
+    field = beside.get("magnetometer")
+    if not _any_inertial(beside):
+        _sample_slowly(registers, _TEN_HERTZ if field is not None and field.running else 0)
+
+
+def _sample_slowly(registers: Registers, rate: int) -> None:
+    """Let the accelerometer sample for the thermometer's sake alone, or not; read that back."""
+    registers.set({_CTRL_REG6_XL: rate})
+    registers.expect({_CTRL_REG6_XL: rate})

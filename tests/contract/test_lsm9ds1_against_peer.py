@@ -1,0 +1,150 @@
+"""The LSM9DS1: its peer against the data sheet, and what is its driver's alone: four roles on two dies."""
+
+from __future__ import annotations
+
+import math
+import struct
+
+import pytest
+from sensor_bench import LSM9DS1, LSM9DS1_ACCELEROMETER, LSM9DS1_MAGNETOMETER, Bench
+
+from hil.instruments.driver import Strap
+from hil.model.bench import Wire
+from hil.model.errors import NoReply, Refused, WrongIdentity
+
+AG, M = 0x6A, 0x1C
+QUIET = {kind: ["0", "0", "0"] for kind in ("white", "flicker", "random_walk")}
+STILL = QUIET | {"accelerometer": {"white": ["0", "0", "0"]}, "noise": ["0", "0", "0"]}
+ROLES = [LSM9DS1, LSM9DS1_ACCELEROMETER, LSM9DS1_MAGNETOMETER]
+
+
+def made(**truth):
+    """Return a chip without noise on its bus, a little after power-on."""
+    return Bench(LSM9DS1, truth=STILL | truth)
+
+
+def get(bench, die, register, count=1):
+    """Read registers of a die."""
+    return bytes(bench.bus.read_i2c_block_data(die, register, count))
+
+
+def put(bench, die, **values):
+    """Write registers of a die, and let it sample: `put(bench, AG, x10=0x60)`."""
+    for register, value in values.items():
+        bench.bus.write_byte_data(die, int(register[1:], 16), value)
+    bench.clock.sleep(0.2)
+
+
+def test_both_dies_are_off_after_power_on():
+    """Identities and reset values; nothing is sampled, and the temperature reads as 25 degC, whatever it is."""
+    bench = made(temperature="-10")
+    assert (get(bench, AG, 0x0F), get(bench, M, 0x0F)) == (b"\x68", b"\x3d")
+    assert get(bench, AG, 0x10) == get(bench, AG, 0x17) == b"\x00"
+    assert get(bench, M, 0xA0, 5).hex() == "1000030000"
+    assert get(bench, AG, 0x15, 2) == b"\x00\x00"
+
+
+@pytest.mark.parametrize(("degrees", "counts"), [("25", 0), ("-40", -1040), ("85", 960), ("25.5", 8)])
+def test_a_temperature_has_sixteen_counts_per_degree(degrees, counts):
+    """It is 0 at 25 degC, and measured with either sensor of its die."""
+    for register in ("x10", "x20"):
+        bench = made(temperature=degrees)
+        put(bench, AG, **{register: 0x60})
+        assert struct.unpack("<h", get(bench, AG, 0x15, 2)) == (counts,)
+
+
+@pytest.mark.parametrize(("code", "milli"), [(0, 8.75), (1, 17.5), (3, 70.0)])
+def test_rates_have_the_sensitivity_of_the_data_sheet(code, milli):
+    """mdeg/s per count; 245, 500 and 2000 deg/s."""
+    bench = made(bias_x=["100", "0", "0"], bias_z=["-3", "0", "0"])
+    put(bench, AG, x10=0x60 | code << 3)
+    assert get(bench, AG, 0x17) == b"\x06"
+    assert struct.unpack("<hhh", get(bench, AG, 0x18, 6)) == (round(100e3 / milli), 0, round(-3e3 / milli))
+    assert get(bench, AG, 0x28, 6) == bytes(6)
+
+
+@pytest.mark.parametrize(("code", "milli"), [(0, 0.061), (2, 0.122), (3, 0.244), (1, 0.732)])
+def test_the_codes_of_accelerations_are_not_in_their_order(code, milli):
+    """Mg per count; 2, 4, 8 and 16 g."""
+    bench = made()
+    put(bench, AG, x20=0x60 | code << 3)
+    assert struct.unpack("<hhh", get(bench, AG, 0x28, 6)) == (0, 0, round(1e3 / milli))
+
+
+@pytest.mark.parametrize(("code", "milli"), [(0, 0.14), (1, 0.29), (2, 0.43), (3, 0.58)])
+def test_fields_have_the_sensitivity_of_the_data_sheet(code, milli):
+    """Mgauss per count; the address goes on only where its upper bit says so."""
+    bench = made(offset=["50", "-20", "0"])
+    put(bench, M, x21=code << 5, x22=0)
+    assert struct.unpack("<hhh", get(bench, M, 0xA8, 6)) == (round(500 / milli), round(-200 / milli), 0)
+    assert get(bench, M, 0x28, 3) == get(bench, M, 0xA8) * 3
+
+
+def test_an_address_that_does_not_go_on():
+    """IF_ADD_INC is on after power-on, and can be switched off."""
+    bench = made()
+    assert get(bench, AG, 0x1E, 2) == b"\x38\x38"
+    put(bench, AG, x22=0)
+    assert get(bench, AG, 0x1E, 3) == b"\x38\x38\x38"
+    assert get(bench, AG, 0x22, 2) == bytes(2)
+
+
+def wired(bench, **settings):
+    """Return the four roles of a chip."""
+    roles = ("gyroscope", "accelerometer", "magnetometer", "thermometer")
+    return [bench.driver.role(Wire(role=role, instrument="", settings=settings.get(role, {}))) for role in roles]
+
+
+def test_four_roles_from_one_chip():
+    """Each starts and stops by itself; the thermometer is awake as long as anything needs it, and no longer."""
+    bench = Bench(LSM9DS1, truth={"temperature": "40", "offset": ["48", "0", "0"]})
+    gyroscope, accelerometer, magnetometer, thermometer = wired(bench)
+    magnetometer.start()
+    assert get(bench, AG, 0x20) == b"\x20"
+    gyroscope.start()
+    accelerometer.start()
+    assert thermometer.temperature().value == pytest.approx(40.0, abs=0.1)
+    accelerometer.stop()
+    gyroscope.stop()
+    assert get(bench, AG, 0x10) == b"\x00"
+    bench.clock.sleep(1.0)
+    assert magnetometer.sample() == pytest.approx((48.0, 0.0, 0.0, 40.0), abs=2.0)
+    gyroscope.start()
+    magnetometer.stop()
+    assert gyroscope.sample()[3] == pytest.approx(40.0, abs=0.1)
+    gyroscope.stop()
+    assert get(bench, AG, 0x10) == get(bench, AG, 0x20) == b"\x00"
+
+
+def test_the_thermometer_alone():
+    """It takes the gyroscope's settings, for there is no wire that has them."""
+    thermometer = Bench(LSM9DS1, truth={"temperature": "-20"}).driver.role(Wire(role="thermometer", instrument=""))
+    thermometer.start()
+    assert thermometer.temperature().value == pytest.approx(-20.0, abs=0.1)
+    assert LSM9DS1.driver.straps() == (Strap("SDO_A/G", (0x6A, 0x6B)), Strap("SDO_M", (0x1C, 0x1E)))
+
+
+def test_two_rates_on_one_die_are_refused():
+    """The accelerometer would sample at the gyroscope's."""
+    gyroscope, *_ = wired(Bench(LSM9DS1), accelerometer={"rate": "238 Hz"})
+    with pytest.raises(Refused, match="have one rate, and are wired for 119 and 238 Hz; give both wires the same"):
+        gyroscope.start()
+
+
+@pytest.mark.parametrize("chip", ROLES, ids=lambda chip: chip.role)
+def test_asleep_and_raw_temperatures_are_found(chip):
+    """A sensor that falls asleep gives nothing new; a temperature that cannot be is no number."""
+    raw = Bench(chip, faults=[{"kind": "temperature-raw", "from": "1 s"}])
+    raw.sensor.start()
+    raw.clock.wait_until(1_200_000_000)
+    assert math.isnan(raw.sensor.sample()[3])
+    nap = Bench(chip, faults=[{"kind": "asleep", "from": "1 s"}, {"kind": "identity", "value": "0x3C", "from": "2 s"}])
+    nap.sensor.start()
+    nap.clock.wait_until(1_200_000_000)
+    with pytest.raises(NoReply, match="consecutive samples are equal|no new sample"):
+        for _ in range(20):
+            nap.sensor.sample()
+            nap.clock.sleep(0.01)
+    nap.clock.wait_until(2_000_000_000)
+    with pytest.raises(WrongIdentity, match="is 0x3c, the LSM9DS1 has"):
+        nap.sensor.start()
