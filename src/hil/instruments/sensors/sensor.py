@@ -288,12 +288,12 @@ class SensorDriver:
         settings.fits(wire, self.sensor.chip.driver, self.roles)
         kinds = {kind.chip.role: kind for kind in (self.sensor, *self.others)}
         kind = kinds.get(wire.role, self.sensor)
-        self._sensors[wire.role] = sensor = kind(self._dies[kind.chip.second], self._clock, wire)
-        sensor.beside = self._sensors
         self._set.update({wire.role} if wire.settings else ())
-        own = [role for role in kinds if role in self._sensors]
+        own = [role for role in kinds if role in {*self._sensors, wire.role}]
         if own and self._set - kinds.keys():
             raise Refused(f"{wire.name}: the settings of this chip are those of its role {own[0]}", "move them there")
+        self._sensors[wire.role] = sensor = kind(self._dies[kind.chip.second], self._clock, wire)
+        sensor.beside = self._sensors
         return sensor if wire.role in kinds else DieThermometer(lambda: self._measuring(kinds, sensor))
 
     def _measuring(self, roles: Iterable[str], alone: Sensor) -> Sensor:
