@@ -108,6 +108,27 @@ CHANGES = [
         '"0x1C"}',
         "mag1 and mag2 are both at bus i2c1, address 0x1C: put one of them on another bus",
     ),
+    (
+        ("  mag1:\n", '  imu1: {driver: lsm9ds1, bus: i2c1, address: "0x6A"}\n  mag1:\n'),
+        "imu1: {driver",
+        "mag1 and imu1 are both at bus i2c1, address 0x1C: strap mag1 to 0x1E by SA1 or strap imu1 to 0x1E by SDO_M",
+    ),
+    (
+        (
+            "  mag1:\n",
+            (
+                '  imu1: {driver: icm20948, bus: i2c1, address: "0x69"}\n'
+                '  imu2: {driver: bmi088, bus: i2c1, address: "0x18", second_address: "0x69"}\n  mag1:\n'
+            ),
+        ),
+        '"0x69"}\n  mag1',
+        "imu2 and imu1 are both at bus i2c1, address 0x69: strap imu2 to 0x68 by SDO2 or strap imu1 to 0x68 by AD0",
+    ),
+    (
+        ("  mag1:\n", '  imu1: {driver: bmi088, bus: i2c1, address: "0x68"}\n  mag1:\n'),
+        '"0x68"}',
+        "imu1: bmi088 answers at 0x18 or 0x19, as SDO1 is strapped, not at 0x68",
+    ),
     (('"0x1C"', '"0x1D"'), '"0x1D"', "mag1: lis3mdl answers at 0x1C or 0x1E, as SA1 is strapped, not at 0x1D"),
     (
         ('address: "0x1C"', 'address: "0x1C"\n    second_address: "0x1E"'),
