@@ -64,13 +64,18 @@ class RateNoise(Stateful):
         self._values: NDArray[np.float64] = np.empty(0)
         self._carried = self._carry()
 
+    @property
+    def gone(self) -> int:
+        """How many samples cannot be made any more: those before the present block."""
+        return max(self._number, 0) * BLOCK
+
     def samples(self, first: int, count: int) -> NDArray[np.float64]:
         """Return samples `first` to `first + count - 1`, shape (count,).
 
         Raises:
             ValueError: if they begin before the present block.
         """
-        if first < max(self._number, 0) * BLOCK:
+        if first < self.gone:
             raise ValueError(f"sample {first} has gone; the present block begins at {self._number * BLOCK}")
         parts = []
         end = first + count

@@ -9,6 +9,7 @@ from typing import Annotated, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.clock.port import NANOSECONDS
 from hil.model.notation import Number, number, vector
 from hil.simulation.faults import Saturated
 from hil.simulation.noise.rate_noise import NoiseLevels, RateNoise
@@ -24,6 +25,7 @@ __all__ = [
     "DieTruth",
     "FieldElement",
     "FieldTruth",
+    "LevelsTruth",
     "RateTruth",
     "limited",
 ]
@@ -79,7 +81,17 @@ class Die:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AxesTruth:
+class LevelsTruth:
+    """Levels of each noise per axis, see `NoiseLevels`."""
+
+    white: _Levels = _NOTHING
+    flicker: _Levels = _NOTHING
+    random_walk: _Levels = _NOTHING
+    quantisation: _Levels = _NOTHING
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AxesTruth(LevelsTruth):
     """What three elements are. Polynomials are of the die's temperature above 25 degC, lowest power first.
 
     By default there are no errors. `unit` is deg/s of a gyroscope, m/s2 of an accelerometer, uT of a magnetometer.
@@ -88,7 +100,7 @@ class AxesTruth:
         bias_x, bias_y, bias_z: three coefficients each [unit, unit/K, unit/K^2].
         scale_x, scale_y, scale_z: three coefficients each of the relative error [1, 1/K, 1/K^2].
         misalignment: xy, xz, yx, yz, zx, zy: how much of what the second axis sees the first one sees, too [rad].
-        white, flicker, random_walk, quantisation: levels per axis, see `NoiseLevels`.
+        white, flicker, random_walk, quantisation: see `LevelsTruth`.
     """
 
     bias_x: _Vector = _NOTHING
@@ -98,15 +110,6 @@ class AxesTruth:
     scale_y: _Vector = _NOTHING
     scale_z: _Vector = _NOTHING
     misalignment: Annotated[tuple[float, ...], vector(6)] = _NOTHING * 2
-    white: _Levels = _NOTHING
-    flicker: _Levels = _NOTHING
-    random_walk: _Levels = _NOTHING
-    quantisation: _Levels = _NOTHING
-
-    def noise(self) -> tuple[NoiseLevels, ...]:
-        """Return the levels of each axis."""
-        kinds = ("white", "flicker", "random_walk", "quantisation")
-        return tuple(NoiseLevels(**{kind: getattr(self, kind)[axis] for kind in kinds}) for axis in range(len(AXES)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -170,7 +173,7 @@ class AxesElement:
         self._begun = (start_ns, rate, bandwidth)
         self._noise = [
             RateNoise(self._streams(f"{self._stream_of}{axis} from {start_ns}"), levels, rate=rate, bandwidth=bandwidth)
-            for axis, levels in zip(AXES, self._truth.noise(), strict=True)
+            for axis, levels in zip(AXES, _levels(self._truth), strict=True)
         ]
 
     def stop(self) -> None:
@@ -230,16 +233,18 @@ class FieldTruth:
     Attributes:
         offset: what they read in no field, with the jig's own magnetism [uT].
         gain: relative error of the sensitivity.
-        noise: in the best mode [uT rms], None for what the data sheet says.
+        noise: white, in the best mode [uT rms], None for what the data sheet says.
+        field_noise: levels in uT, in any mode, in the place of `noise`; white noise up to half the rate of samples.
     """
 
     offset: _Vector = _NOTHING
     gain: _Vector = _NOTHING
     noise: _Levels | None = None
+    field_noise: LevelsTruth | None = None
 
 
 class FieldElement:
-    """Three axes that sense a magnetic field, with white noise by sample number.
+    """Three axes that sense a magnetic field, with noise by sample number.
 
     Args:
         setup: of the peer: its truth; the terminal `field` goes to a plant's three signals [uT].
@@ -248,7 +253,10 @@ class FieldElement:
 
     def __init__(self, setup: PeerSetup, *, noise: tuple[float, ...]) -> None:
         own = setup.truth.part(FieldTruth)
-        self._offset, self._gain, self._rms = own.offset, own.gain, own.noise or noise
+        self._offset, self._gain = own.offset, own.gain
+        self._rms = own.noise or (noise if own.field_noise is None else _NOTHING)
+        self._levels = None if own.field_noise is None else _levels(own.field_noise)
+        self._levelled: list[RateNoise] = []
         self._field = setup.connections.axes("field")
         self._faults = setup.faults
         self._seeds = setup.seeds
@@ -268,12 +276,34 @@ class FieldElement:
         """
         if start_ns != self._start_ns:
             self._noise = [self._seeds.stream(self._name, f"{name} from {start_ns}") for name in AXES]
-            self._start_ns = start_ns
+            self._start_ns, self._levelled = start_ns, []
         field = self._field[axis].observe_at(at_ns) if self._field else 0.0
         saturated = self._faults.now(Saturated, at_ns)
         field += saturated.added if saturated else 0.0
         noise = self._rms[axis] * louder * self._noise[axis].normal(number)
+        if self._levels is not None:
+            noise += self._by_levels(self._levels, axis, number, (at_ns - start_ns) / number)
         return field * (1 + self._gain[axis]) + self._offset[axis] + noise
+
+    def _by_levels(self, levels: tuple[NoiseLevels, ...], axis: int, number: int, period_ns: float) -> float:
+        """Return the noise of these levels in one sample. It follows from its number alone, so that nothing is kept."""
+        if not self._levelled or number <= self._levelled[axis].gone:
+            rate = round(NANOSECONDS / period_ns, 3)  # whichever sample it is computed from
+            self._levelled = [
+                RateNoise(self._streams(name), level, rate=rate, bandwidth=rate / 2)
+                for name, level in zip(AXES, levels, strict=True)
+            ]
+        return float(self._levelled[axis].samples(number - 1, 1)[0])
+
+    def _streams(self, axis: str) -> Callable[[str], RandomStream]:
+        prefix = f"field {axis} from {self._start_ns}"
+        return lambda kind: self._seeds.stream(self._name, f"{prefix} {kind}")
+
+
+def _levels(truth: LevelsTruth) -> tuple[NoiseLevels, ...]:
+    """Return the levels of each axis."""
+    kinds = ("white", "flicker", "random_walk", "quantisation")
+    return tuple(NoiseLevels(**{kind: getattr(truth, kind)[axis] for kind in kinds}) for axis in range(len(AXES)))
 
 
 def limited(counts: NDArray[np.float64], least: int, most: int) -> NDArray[np.float64]:
