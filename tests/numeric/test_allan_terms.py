@@ -19,6 +19,8 @@ from scipy.special import stdtrit
 from hil.analysis import quality
 from hil.analysis.allan.noise import characterise
 from hil.analysis.gates import Facts
+from hil.analysis.noise.rate_noise import NoiseLevels
+from hil.analysis.noise.series import noise
 from hil.model.figure import FigureStatus
 
 COUNT, RATE = 16_384, 10.0
@@ -37,16 +39,8 @@ FEW = [
 
 
 def record(generator, terms):
-    """Return a record of the given terms; flicker is shaped in the frequency domain."""
-    level = {name: LEVELS[name] if name in terms else 0.0 for name in LEVELS}
-    values = level["white"] * math.sqrt(RATE) * generator.standard_normal(COUNT)
-    spectrum = np.fft.rfft(generator.standard_normal(2 * COUNT))
-    frequency = np.fft.rfftfreq(2 * COUNT, 1.0 / RATE)
-    frequency[0] = np.inf
-    values += np.fft.irfft(spectrum * level["flicker"] * np.sqrt(RATE / (2.0 * np.pi * frequency)))[:COUNT]
-    values += np.cumsum(level["random_walk"] / math.sqrt(RATE) * generator.standard_normal(COUNT))
-    values += np.diff(generator.uniform(-1.0, 1.0, COUNT + 1)) * math.sqrt(3.0) * level["quantisation"] * RATE
-    return values + level["ramp"] * np.arange(COUNT) / RATE
+    """Return a record of the given terms."""
+    return noise(NoiseLevels(**{name: LEVELS[name] for name in terms}), COUNT, RATE, generator)
 
 
 TIME = np.arange(COUNT) / RATE

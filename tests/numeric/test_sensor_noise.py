@@ -9,8 +9,8 @@ from scipy.stats import chi2
 
 from hil.analysis.allan.deviation import deviation
 from hil.analysis.allan.noise import characterise
-from hil.simulation.noise.processes import autoregressive
-from hil.simulation.noise.rate_noise import BLOCK, NoiseLevels, RateNoise
+from hil.analysis.noise.processes import autoregressive
+from hil.analysis.noise.rate_noise import BLOCK, NoiseLevels, RateNoise
 from hil.simulation.seeds import Seeds
 
 RATE = 100.0

@@ -9,9 +9,9 @@ import sweeps
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from hil.analysis.noise.rate_noise import BLOCK, NoiseLevels, RateNoise
 from hil.clock.virtual import VirtualClock
 from hil.model.bench import InstrumentSpec
-from hil.simulation.noise.rate_noise import BLOCK, NoiseLevels, RateNoise
 from hil.simulation.peers.iim42652 import MODEL
 from hil.simulation.peers.model import Connections, PeerSetup
 from hil.simulation.seeds import Seeds

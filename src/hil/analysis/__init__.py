@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from hil.analysis.gyroscope.readings import Reading, Slow, reading, rippling
     from hil.analysis.gyroscope.self_check import export_disagreements, reproduction
     from hil.analysis.magnetics import direction, odd_response
+    from hil.analysis.noise.rate_noise import NoiseLevels
+    from hil.analysis.noise.sensor import SensorModel, SimulatedSensor, simulate
     from hil.analysis.quality import tripped
     from hil.analysis.sampling import assess
     from hil.analysis.spectra.coefficients import agreement, psd
@@ -50,7 +52,10 @@ __all__ = [
     "Facts",
     "Limits",
     "MovingAverage",
+    "NoiseLevels",
     "Reading",
+    "SensorModel",
+    "SimulatedSensor",
     "Slow",
     "StepKind",
     "Welch",
@@ -91,6 +96,7 @@ __all__ = [
     "rise_time",
     "series",
     "share_known",
+    "simulate",
     "spectrum",
     "standard_deviation",
     "summarise",
@@ -118,6 +124,8 @@ _MODULES = {
     "gyroscope.readings": ("Reading", "Slow", "reading", "rippling"),
     "gyroscope.self_check": ("export_disagreements", "reproduction"),
     "magnetics": ("direction", "odd_response"),
+    "noise.rate_noise": ("NoiseLevels",),
+    "noise.sensor": ("SensorModel", "SimulatedSensor", "simulate"),
     "quality": ("tripped",),
     "sampling": ("assess",),
     "spectra.coefficients": ("agreement", "psd"),

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Annotated, ClassVar, TypeVar
 
+from hil.analysis.noise.numbers import RandomStream
 from hil.model.notation import AnyText, Nanoseconds, Number, SomeNanoseconds, Text, number, whole
-from hil.simulation.seeds import RandomStream
 from hil.simulation.truth import Path, TruthError, declared, suggestion
 
 __all__ = [

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from hil.simulation.seeds import BLOCK, Seeds
+from hil.analysis.noise.numbers import BLOCK
+from hil.simulation.seeds import Seeds
 
 
 def test_value_depends_on_the_index_only():

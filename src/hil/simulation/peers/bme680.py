@@ -20,13 +20,13 @@ from functools import partial
 from math import sqrt
 from typing import Annotated, ClassVar
 
+from hil.analysis.noise.numbers import RandomStream
 from hil.model.notation import NotNegative, vector
 from hil.simulation.faults import Stuck
 from hil.simulation.peers.model import PeerModel, PeerSetup
 from hil.simulation.peers.sensors.chip import Asleep, Datasheet, Fitted, OtherIdentity, SensorPeer, TemperatureRaw
 from hil.simulation.peers.sensors.elements import Die
 from hil.simulation.peers.timing import Alarm
-from hil.simulation.seeds import RandomStream
 from hil.simulation.truth import TruthError
 from hil.wire.checkpoint import Kept
 

@@ -24,6 +24,7 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 
+from hil.analysis.noise.numbers import RandomStream
 from hil.clock.port import NANOSECONDS
 from hil.model.notation import vector
 from hil.simulation.faults import LinkFault, Saturated, Share, Stuck
@@ -40,7 +41,6 @@ from hil.simulation.peers.sensors.chip import (
 from hil.simulation.peers.sensors.elements import AXES, AccelerationTruth, AxesElement, Die, FieldElement, RateTruth
 from hil.simulation.peers.sensors.grid import Grid
 from hil.simulation.peers.timing import Alarms
-from hil.simulation.seeds import RandomStream
 from hil.wire.checkpoint import Kept
 
 __all__ = ["MODEL", "Bno055", "build"]

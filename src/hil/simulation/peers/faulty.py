@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 
+from hil.analysis.noise.numbers import RandomStream
 from hil.simulation.faults import Chatty, Faults, LinkFault
 from hil.simulation.peers.timing import Alarms
-from hil.simulation.seeds import RandomStream
 from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import BusPeer, BusServer, Line, Nack, Openable, PeerClock, SerialPeer
 

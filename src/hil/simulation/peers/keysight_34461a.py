@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from math import copysign, inf, sqrt
 
+from hil.analysis.noise.numbers import RandomStream
 from hil.clock.port import NANOSECONDS
 from hil.model.notation import AnyText, NotNegative, Number, Positive
 from hil.simulation.faults import Faults, Identity
@@ -22,7 +23,6 @@ from hil.simulation.peers.scpi_instrument import instrument_of
 from hil.simulation.peers.scpi_manual import Act, Channel, Manual, Row, alone
 from hil.simulation.peers.supply_output import NOT_A_NUMBER, NotANumber
 from hil.simulation.plants.terminal import SignalPoint
-from hil.simulation.seeds import RandomStream
 from hil.wire.checkpoint import Kept
 
 __all__ = ["MODEL", "FrontEnd", "MeterTruth"]

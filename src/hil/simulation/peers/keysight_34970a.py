@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from math import copysign, sqrt
 from typing import Annotated
 
+from hil.analysis.noise.numbers import RandomStream
 from hil.clock.port import NANOSECONDS
 from hil.model.notation import AnyText, NotNegative, Number, Positive, whole
 from hil.simulation.faults import Fault, Identity
@@ -28,7 +29,6 @@ from hil.simulation.peers.scpi_instrument import instrument_of
 from hil.simulation.peers.scpi_manual import Act, Channel, Manual, Row, alone
 from hil.simulation.peers.timing import Alarm
 from hil.simulation.plants.terminal import SignalPoint
-from hil.simulation.seeds import RandomStream
 from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import PeerClock
 

@@ -6,11 +6,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
+from hil.analysis.noise.numbers import RandomStream
 from hil.model.bench import InstrumentSpec
 from hil.simulation.faults import Fault, Faults
 from hil.simulation.plants.plant import Plant
 from hil.simulation.plants.terminal import InputPoint, LoadTerminal, PlantPort, Resistor, SignalPoint, Terminal
-from hil.simulation.seeds import RandomStream, Seeds
+from hil.simulation.seeds import Seeds
 from hil.simulation.truth import Path, Truth, TruthError, UnknownPlant, suggestion, together
 from hil.wire.peer import BusPeer, SerialPeer
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from hil.analysis.noise.numbers import RandomStream
 from hil.model.notation import AnyText, NotNegative, Number
 from hil.simulation.faults import Fault, Faults, Identity
 from hil.simulation.peers.manner import DeviceTruth
@@ -19,7 +20,6 @@ from hil.simulation.peers.scpi_instrument import instrument_of
 from hil.simulation.peers.scpi_manual import Channel, Manual, Reading, Row, Setting, Switch, Word
 from hil.simulation.peers.supply_output import NOT_A_NUMBER, NotANumber, RefuseOff
 from hil.simulation.plants.terminal import LoadTerminal
-from hil.simulation.seeds import RandomStream
 from hil.wire.checkpoint import Kept
 
 __all__ = ["MODEL", "LoadInput", "LoadTruth"]

@@ -19,6 +19,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.analysis.noise.numbers import RandomStream
 from hil.clock.port import NANOSECONDS
 from hil.model.notation import AnyText, NotNegative, Number, Positive
 from hil.simulation.faults import Fault, Faults, Identity
@@ -29,7 +30,6 @@ from hil.simulation.peers.scpi_instrument import instrument_of
 from hil.simulation.peers.scpi_manual import Act, Channel, Manual, Reading, Setting, Switch, Word, alone
 from hil.simulation.peers.timing import Alarm
 from hil.simulation.plants.terminal import SignalPoint
-from hil.simulation.seeds import RandomStream
 from hil.wire.checkpoint import Kept
 from hil.wire.peer import PeerClock
 

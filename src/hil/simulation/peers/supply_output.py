@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from math import inf
 from typing import Annotated, Self
 
+from hil.analysis.noise.numbers import RandomStream
 from hil.model.notation import NotNegative, Number, Positive, one_of, whole
 from hil.simulation.faults import Fault, Faults
 from hil.simulation.peers.model import PeerSetup
 from hil.simulation.peers.scpi_manual import Channel
 from hil.simulation.plants.terminal import Terminal
-from hil.simulation.seeds import RandomStream
 from hil.wire.checkpoint import Kept
 
 __all__ = [

@@ -12,13 +12,13 @@ from dataclasses import dataclass
 from math import sqrt
 from typing import ClassVar
 
+from hil.analysis.noise.numbers import RandomStream
 from hil.clock.port import NANOSECONDS
 from hil.model.notation import NotNegative
 from hil.simulation.faults import Fault
 from hil.simulation.peers.model import PeerModel, PeerSetup
 from hil.simulation.peers.sensors.chip import Datasheet, Fitted, OtherIdentity, SensorPeer
 from hil.simulation.plants.terminal import SignalPoint
-from hil.simulation.seeds import RandomStream
 
 __all__ = ["MODEL", "EepromBusy", "NoiseTruth", "Tmp117", "build"]
 

@@ -8,11 +8,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Annotated
 
+from hil.analysis.noise.numbers import RandomStream
 from hil.model.notation import whole
 from hil.simulation.faults import Fault, Faults, Share
 from hil.simulation.peers.cycler.make import Reading
 from hil.simulation.peers.timing import BoardClock
-from hil.simulation.seeds import RandomStream
 from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import Line, PeerClock
 

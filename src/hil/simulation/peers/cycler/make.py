@@ -6,11 +6,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
+from hil.analysis.noise.numbers import BLOCK, RandomStream
 from hil.clock.port import NANOSECONDS
 from hil.model.notation import Flag, NotNegative, Number, matching, number, one_of, whole
 from hil.simulation.faults import Fault
 from hil.simulation.plants.terminal import SignalPoint, observing
-from hil.simulation.seeds import BLOCK, RandomStream
 
 __all__ = ["LINE_S", "CyclerTruth", "Gauge", "Make", "Reading", "Spike"]
 

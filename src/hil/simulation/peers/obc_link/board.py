@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from hil.analysis.noise.numbers import RandomStream
 from hil.clock.port import NANOSECONDS
 from hil.simulation.faults import Fault, Faults
 from hil.simulation.peers.model import PeerModel, PeerSetup
@@ -21,7 +22,6 @@ from hil.simulation.peers.obc_link.stream import STREAM_USER, Stream
 from hil.simulation.peers.obc_link.uart import VERSION, Frame, FrameReader, LoseFrames, Stall, Uart, seal
 from hil.simulation.peers.timing import Alarm, Alarms, BoardClock
 from hil.simulation.plants.terminal import SignalPoint
-from hil.simulation.seeds import RandomStream
 from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import BusPeer, Line, PeerClock
 

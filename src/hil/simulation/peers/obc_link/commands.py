@@ -9,6 +9,7 @@ from typing import Annotated, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.analysis.noise.numbers import RandomStream
 from hil.model.notation import NotNegative, matching, number, whole
 from hil.simulation.peers.obc_link.bus import BoardBus
 from hil.simulation.peers.obc_link.fields import (
@@ -28,7 +29,6 @@ from hil.simulation.peers.obc_link.stream import Stream
 from hil.simulation.peers.obc_link.uart import LARGEST, VERSION, Frame, Uart
 from hil.simulation.peers.timing import Alarm, BoardClock
 from hil.simulation.plants.terminal import SignalPoint
-from hil.simulation.seeds import RandomStream
 from hil.wire.checkpoint import Kept, Stateful
 from hil.wire.peer import PeerClock
 

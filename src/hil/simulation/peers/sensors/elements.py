@@ -9,12 +9,13 @@ from typing import Annotated, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.analysis.noise.numbers import RandomStream
+from hil.analysis.noise.rate_noise import NoiseLevels, RateNoise
 from hil.clock.port import NANOSECONDS
 from hil.model.notation import Number, number, vector
 from hil.simulation.faults import Saturated
-from hil.simulation.noise.rate_noise import NoiseLevels, RateNoise
 from hil.simulation.peers.model import PeerSetup
-from hil.simulation.seeds import RandomStream, Seeds
+from hil.simulation.seeds import Seeds
 
 __all__ = [
     "AXES",

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Annotated
 
+from hil.analysis.noise.numbers import RandomStream
 from hil.model.notation import NotNegative, Number, number
 from hil.simulation.faults import Fault, Faults
 from hil.simulation.plants.terminal import SignalPoint
-from hil.simulation.seeds import RandomStream
 from hil.wire.checkpoint import Kept, Stateful
 
 __all__ = ["Regulation", "SensorDetached", "SensorInput", "SensorOpen", "SensorTruth", "Tuning"]

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
+from hil.analysis.noise.numbers import RandomStream
 from hil.model.notation import whole
 from hil.simulation.faults import LinkFault
-from hil.simulation.seeds import RandomStream
 
 __all__ = ["SdaLow"]
 

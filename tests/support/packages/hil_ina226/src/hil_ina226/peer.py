@@ -10,12 +10,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+from hil.analysis.noise.numbers import RandomStream
 from hil.model.notation import NotNegative, Positive
 from hil.simulation.faults import Fault
 from hil.simulation.peers.model import PeerModel, PeerSetup
 from hil.simulation.peers.sensors.chip import Datasheet, Fitted, OtherIdentity, SensorPeer
 from hil.simulation.plants.terminal import SignalPoint
-from hil.simulation.seeds import RandomStream
 
 __all__ = ["MODEL", "Ina226", "MonitorTruth", "Overflow", "build"]
 

@@ -1,17 +1,15 @@
-"""The noise of one axis: white, flicker, random walk and quantisation of the angle, by index of the sample."""
+"""The noise of one axis by index of the sample: white, flicker, random walk, quantisation of the angle, and a ramp."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.simulation.noise.processes import AngleQuantisation, Flicker, RandomWalk, White
-from hil.simulation.seeds import RandomStream
-from hil.wire.checkpoint import Kept, StateError, Stateful
+from hil.analysis.noise.processes import AngleQuantisation, Flicker, Normals, Process, RandomWalk, White
 
 __all__ = ["BLOCK", "NoiseLevels", "RateNoise"]
 
@@ -28,15 +26,17 @@ class NoiseLevels:
         flicker: bias instability B [unit]; its floor is 0.664 B.
         random_walk: random walk of the rate K [unit*sqrt(Hz)].
         quantisation: of the angle, Q [unit*s].
+        ramp: drift rate R [unit/s], which is no noise.
     """
 
     white: float = 0.0
     flicker: float = 0.0
     random_walk: float = 0.0
     quantisation: float = 0.0
+    ramp: float = 0.0
 
 
-class RateNoise(Stateful):
+class RateNoise:
     """Samples 0, 1, 2… of one axis. What a sample is depends on the streams and its index only.
 
     Blocks are made in their order, and the present one is kept: asking goes forwards, or back within a block.
@@ -48,13 +48,9 @@ class RateNoise(Stateful):
         bandwidth: noise bandwidth of the filter before the sampling, in Hz.
     """
 
-    _number: Kept[int]
-    _carried: Kept[dict[str, dict[str, Any]]]
-
-    def __init__(
-        self, stream: Callable[[str], RandomStream], levels: NoiseLevels, *, rate: float, bandwidth: float
-    ) -> None:
-        self._parts: dict[str, White | Flicker | RandomWalk | AngleQuantisation] = {
+    def __init__(self, stream: Callable[[str], Normals], levels: NoiseLevels, *, rate: float, bandwidth: float) -> None:
+        self._slope = levels.ramp / rate
+        self._parts: dict[str, Process] = {
             "white": White(stream("white"), levels.white, rate=rate, bandwidth=bandwidth, block=BLOCK),
             "flicker": Flicker(stream("flicker"), levels.flicker, BLOCK),
             "random_walk": RandomWalk(stream("random walk"), levels.random_walk, rate, BLOCK),
@@ -86,13 +82,22 @@ class RateNoise(Stateful):
             first += parts[-1].size
         return np.concatenate(parts) if parts else np.empty(0)
 
-    def restored(self) -> None:
-        """Make the present block again from what came into it."""
-        number, self._number = self._number, self._number - 1
-        if self._carried.keys() != self._parts.keys():
-            raise StateError(f"carried: expected {', '.join(self._parts)}")
+    def state(self) -> dict[str, Any]:
+        """Return what is needed to continue, as JSON values."""
+        return {"number": self._number, "carried": {name: dict(each) for name, each in self._carried.items()}}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Continue from what `state` returned: make the present block again from what came into it.
+
+        Raises:
+            ValueError: it is the state of something else.
+        """
+        number, carried = state["number"], state["carried"]
+        if carried.keys() != self._parts.keys():
+            raise ValueError(f"carried: expected {', '.join(self._parts)}")
+        self._number = number - 1
         for name, part in self._parts.items():
-            part.restore(self._carried[name])
+            part.restore(carried[name])
         self._carried = self._carry()
         if number >= 0:
             self._reach(number)
@@ -107,7 +112,9 @@ class RateNoise(Stateful):
             total = first.block(self._number)
             for part in others:
                 total += part.block(self._number)
+            if self._slope:
+                total += self._slope * np.arange(self._number * BLOCK, (self._number + 1) * BLOCK)
             self._values = total
 
     def _carry(self) -> dict[str, dict[str, Any]]:
-        return {name: dict(part.state()) for name, part in self._parts.items()}
+        return {name: part.state() for name, part in self._parts.items()}

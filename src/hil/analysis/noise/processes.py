@@ -1,26 +1,60 @@
-"""Kinds of noise of a rate: white, flicker, random walk and quantisation of the angle, in blocks of samples."""
+"""Kinds of noise of a sensor: white, flicker, random walk and quantisation of the angle, in blocks of samples."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from functools import lru_cache
 from itertools import accumulate
 from math import log, log10, pi, sqrt
 from operator import mul
-from typing import TypeAlias
+from typing import Any, ClassVar, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.simulation.seeds import RandomStream
-from hil.wire.checkpoint import Kept, Stateful
-
-__all__ = ["AngleQuantisation", "Flicker", "RandomWalk", "White", "autoregressive"]
+__all__ = ["AngleQuantisation", "Flicker", "Normals", "Process", "RandomWalk", "White", "autoregressive"]
 
 _Array: TypeAlias = NDArray[np.float64]
 
 _DECADES = 150
 _LONGEST = 512
 _UNFELT = 1e-20
+
+
+class Normals(Protocol):
+    """Where random numbers come from."""
+
+    def normal_block(self, number: int, size: int) -> NDArray[np.float64]:
+        """Return the first `size` standard normal numbers of a block, counted from 0, shape (size,)."""
+        ...
+
+
+class Process(ABC):
+    """One kind of noise, block by block.
+
+    Attributes:
+        carried: the names, without their underscore, of what goes over from one block to the next.
+    """
+
+    carried: ClassVar[tuple[str, ...]] = ("last",)
+
+    @abstractmethod
+    def block(self, number: int) -> NDArray[np.float64]:
+        """Return the samples of block `number`, shape (block,); blocks are taken in their order from 0 on."""
+
+    def state(self) -> dict[str, Any]:
+        """Return what goes over to the next block, as JSON values."""
+        return {name: _copied(getattr(self, f"_{name}")) for name in self.carried}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Continue from what `state` returned."""
+        for name in self.carried:
+            setattr(self, f"_{name}", _copied(state[name]))
+
+
+def _copied(value: Any) -> Any:  # noqa: ANN401 - a number, or a list of them
+    return list(value) if isinstance(value, list) else value
 
 
 def autoregressive(driver: _Array, coefficient: float, before: float) -> _Array:
@@ -56,7 +90,7 @@ def _weights(coefficient: float, size: int) -> tuple[_Array, _Array, _Array]:
     return 1 / fading, fading, fading[fading > _UNFELT]
 
 
-class White(Stateful):
+class White(Process):
     """White noise N, two-sided power density S(f) = N^2 (IEEE Std 952-1997, annex C), filtered, then sampled.
 
     A filter with the noise bandwidth BW lets the variance 2 N^2 BW through, whatever the sample rate fs is. A density
@@ -74,9 +108,7 @@ class White(Stateful):
         block: samples of a block.
     """
 
-    _last: Kept[float]
-
-    def __init__(self, stream: RandomStream, level: float, *, rate: float, bandwidth: float, block: int) -> None:
+    def __init__(self, stream: Normals, level: float, *, rate: float, bandwidth: float, block: int) -> None:
         ratio = max(1.0, rate / (2 * bandwidth))
         self._stream = stream
         self._sigma = level * sqrt(2 * bandwidth)
@@ -101,7 +133,7 @@ class White(Stateful):
         return values
 
 
-class RandomWalk(Stateful):
+class RandomWalk(Process):
     """Random walk of the rate, two-sided power density S(f) = (K/(2 pi f))^2 (IEEE Std 952-1997, annex C).
 
     A sample adds K/sqrt(fs) times a standard normal number. The Allan variance of the samples is
@@ -114,9 +146,7 @@ class RandomWalk(Stateful):
         block: samples of a block.
     """
 
-    _last: Kept[float]
-
-    def __init__(self, stream: RandomStream, level: float, rate: float, block: int) -> None:
+    def __init__(self, stream: Normals, level: float, rate: float, block: int) -> None:
         self._stream = stream
         self._step = level / sqrt(rate)
         self._block = block
@@ -134,7 +164,7 @@ class RandomWalk(Stateful):
         return values
 
 
-class AngleQuantisation(Stateful):
+class AngleQuantisation(Process):
     """The error of a quantised angle, differenced: sigma^2 = 3 Q^2/tau^2 (IEEE Std 952-1997, annex C).
 
     A sample of the rate adds fs (e[k] - e[k-1]), where the errors e are independent and of variance Q^2. Quantisation
@@ -147,9 +177,7 @@ class AngleQuantisation(Stateful):
         block: samples of a block.
     """
 
-    _last: Kept[float]
-
-    def __init__(self, stream: RandomStream, level: float, rate: float, block: int) -> None:
+    def __init__(self, stream: Normals, level: float, rate: float, block: int) -> None:
         self._stream = stream
         self._scale = level * rate
         self._block = block
@@ -174,7 +202,7 @@ _DELAYED = (13 / 4 - sqrt((13 / 4) ** 2 - 4)) / 2
 _PRESENT = 1 / sqrt(_DELAYED)
 
 
-class Flicker(Stateful):
+class Flicker(Process):
     """Flicker noise of level B, two-sided power density S(f) = B^2/(2 pi f) (IEEE Std 952-1997, annex C).
 
     Octave j holds every value of a first-order autoregression (coefficient 1/2) for 2^j samples. All octaves have the
@@ -194,10 +222,9 @@ class Flicker(Stateful):
         block: samples of a block, a power of two.
     """
 
-    _last: Kept[list[float]]
-    _driver: Kept[float]
+    carried: ClassVar[tuple[str, ...]] = ("driver", "last")
 
-    def __init__(self, stream: RandomStream, level: float, block: int) -> None:
+    def __init__(self, stream: Normals, level: float, block: int) -> None:
         self._stream = stream
         self._sigma = level * sqrt(log(2) / pi)
         self._sizes = [block >> octave for octave in range(block.bit_length() - 1)]

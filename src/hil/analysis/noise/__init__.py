@@ -1,0 +1,1 @@
+"""Noise of sensors at exact levels: generated in blocks by index of the sample, or as a whole record."""

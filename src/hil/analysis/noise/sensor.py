@@ -1,0 +1,131 @@
+"""A sensor that is simulated from a table of its levels: noise, range, resolution, temperature, clock and losses."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from statistics import NormalDist
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hil.analysis.noise.numbers import RandomStream
+from hil.analysis.noise.rate_noise import NoiseLevels, RateNoise
+
+__all__ = ["SensorModel", "SensorSamples", "SimulatedSensor", "simulate"]
+
+_PURPOSES = ("white", "flicker", "random walk", "quantisation", "jitter", "lost")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SensorModel:
+    """What one axis of a sensor is; `unit` is that of its numbers.
+
+    Attributes:
+        levels: of its noise.
+        rate: samples per second.
+        bandwidth: noise bandwidth of its filter [Hz], which noise passes before it is sampled; None for half the rate.
+        bias: polynomial of the temperature above `reference`, lowest power first [unit, unit/K, ...].
+        scale: the same of the relative error of the sensitivity [1, 1/K, ...].
+        reference: temperature [degC] at which `bias[0]` and `scale[0]` hold.
+        lsb: what one count is [unit]; 0 for numbers that are not rounded.
+        full_scale: where readings stop, on both sides [unit].
+        jitter: standard deviation of the time stamps [s].
+        lost: share of the samples that are lost.
+        lost_run: how many are lost in a row, at least.
+    """
+
+    levels: NoiseLevels
+    rate: float
+    bandwidth: float | None = None
+    bias: tuple[float, ...] = ()
+    scale: tuple[float, ...] = ()
+    reference: float = 25.0
+    lsb: float = 0.0
+    full_scale: float = math.inf
+    jitter: float = 0.0
+    lost: float = 0.0
+    lost_run: int = 1
+
+
+class SensorSamples(NamedTuple):
+    """Samples that were not lost.
+
+    Attributes:
+        times: as they are stamped [s], shape (n,); the first sample ends a period after 0.
+        values: shape (n,).
+    """
+
+    times: NDArray[np.float64]
+    values: NDArray[np.float64]
+
+
+class SimulatedSensor:
+    """A sensor that gives its samples in pieces. What a sample is depends on seed and index only, not on the pieces.
+
+    Args:
+        model: what it is.
+        seed: of its random numbers; axes and sensors of other seeds have other noise.
+    """
+
+    def __init__(self, model: SensorModel, *, seed: int) -> None:
+        rate = model.rate
+        streams = {name: RandomStream(seed * len(_PURPOSES) + place) for place, name in enumerate(_PURPOSES)}
+        self._model = model
+        self._noise = RateNoise(
+            streams.__getitem__,
+            model.levels,
+            rate=rate,
+            bandwidth=rate / 2 if model.bandwidth is None else model.bandwidth,
+        )
+        self._jitter, self._losses = _normals(streams["jitter"], rate), _normals(streams["lost"], rate)
+        begun = 1.0 - (1.0 - model.lost) ** (1.0 / model.lost_run)
+        self._threshold = NormalDist().inv_cdf(1.0 - begun) if begun else math.inf
+        self._begun = np.zeros(model.lost_run - 1, dtype=np.bool_)
+        self._next = 0
+
+    def read(self, count: int, *, truth: ArrayLike = 0.0, temperature: ArrayLike | None = None) -> SensorSamples:
+        """Return the next `count` samples, without those that are lost.
+
+        Args:
+            count: how many.
+            truth: what there is to sense, a number or shape (count,).
+            temperature: of the sensor [degC], a number or shape (count,); None for its reference.
+        """
+        model, first = self._model, self._next
+        self._next += count
+        warmer = np.subtract(model.reference if temperature is None else temperature, model.reference)
+        sensed = np.asarray(truth) * (1.0 + np.polyval((*model.scale[::-1],) or (0.0,), warmer))
+        values = self._noise.samples(first, count) + sensed + np.polyval((*model.bias[::-1],) or (0.0,), warmer)
+        values = np.clip(values, -model.full_scale, model.full_scale)
+        if model.lsb:
+            most = math.floor(model.full_scale / model.lsb) if model.full_scale < math.inf else math.inf
+            values = np.clip(np.rint(values / model.lsb), -most, most) * model.lsb
+        times = np.arange(first + 1, first + count + 1) / model.rate
+        if model.jitter:
+            times = times + model.jitter * self._jitter.samples(first, count)
+        there = self._there(first, count)
+        return SensorSamples(times[there], values[there])
+
+    def _there(self, first: int, count: int) -> NDArray[np.bool_]:
+        """Return which samples are not lost, shape (count,)."""
+        if not self._model.lost:
+            return np.ones(count, dtype=np.bool_)
+        begun = np.concatenate((self._begun, self._losses.samples(first, count) > self._threshold))
+        run = self._model.lost_run
+        self._begun = begun[begun.size - (run - 1) :]
+        return np.asarray(np.convolve(begun, np.ones(run, dtype=np.int64))[run - 1 : run - 1 + count] == 0)
+
+
+def _normals(stream: RandomStream, rate: float) -> RateNoise:
+    """Return standard normal numbers by index, which white noise of this level and bandwidth is."""
+    unit = NoiseLevels(white=1.0 / math.sqrt(rate))
+    return RateNoise(lambda _: stream, unit, rate=rate, bandwidth=rate / 2)
+
+
+def simulate(
+    model: SensorModel, count: int, *, seed: int, truth: ArrayLike = 0.0, temperature: ArrayLike | None = None
+) -> SensorSamples:
+    """Return the first `count` samples of a sensor, see `SimulatedSensor.read`."""
+    return SimulatedSensor(model, seed=seed).read(count, truth=truth, temperature=temperature)
