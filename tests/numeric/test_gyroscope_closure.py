@@ -1,7 +1,8 @@
 """The gyroscope's calibration against the truth of the bench file, by the plan's case and the bytes of its instruments.
 
-Twenty-five gyroscopes, drawn by seed, are calibrated twice: on a bench that disturbs nothing but by white noise, and on
-the bench as its file says it is, where the seed also draws what nobody measures from what the plan states of it.
+Twenty-five gyroscopes, drawn by seed, nine of them without `--soak`, are calibrated twice: on a bench that disturbs
+nothing but by white noise, and on the bench as its file says it is, where the seed also draws what nobody measures from
+what the plan states of it. The bands of nine are wider, as their number says.
 `pytest -s -k pulls` prints how far off every figure is, in its own standard uncertainties.
 """
 
@@ -12,6 +13,7 @@ import sys
 
 import numpy as np
 import pytest
+import sweeps
 from gyroscope_campaigns import AXES, PLAN, Parts, as_built, campaign, quiet
 from scipy.special import stdtrit
 from workspaces import ROOT
@@ -19,7 +21,7 @@ from workspaces import ROOT
 from hil.plugin.plans.markers import MARKERS
 from hil.requirements.catalogue import load_catalogue
 
-SEEDS = range(25)
+SEEDS = sweeps.sample(range(25), 9)
 TEMPERATURES = (-16.0, 10.0, 40.0)
 MARGIN = 2.0
 """How far [K] the exported range goes beyond what was measured."""
@@ -117,30 +119,30 @@ def remaining(one, ways):
 
 
 def test_stated_uncertainties_are_exact_where_only_white_noise_disturbs(undisturbed):
-    """375 intervals of biases and elements of the alignment hold the truth as often as 95 % says, not more either."""
+    """The intervals of biases and elements of the alignment hold the truth as often as 95 % says, not more either."""
     of_bias, of_alignment = pooled(biases, undisturbed), pooled(alignments, undisturbed)
     hits, trials = np.sum([of_bias, of_alignment], axis=0)
-    assert trials == 375
+    assert trials == 15 * len(SEEDS)
     assert abs(hits - 0.95 * trials) <= deviations(trials), (of_bias, of_alignment)
 
 
 def test_the_scale_is_found_within_its_uncertainty_where_only_white_noise_disturbs(undisturbed):
-    """150 intervals, too wide here: the clock of this bench is right, and the stated uncertainty holds its error."""
+    """The intervals are too wide here: the clock of this bench is right, and the stated uncertainty holds its error."""
     hits, trials = pooled(scales, undisturbed)
-    assert trials == 150
+    assert trials == 6 * len(SEEDS)
     assert hits >= 0.95 * trials - deviations(trials)
 
 
 PULLS = {
-    "bias": 225,
-    "bias per kelvin": 75,
-    "bias per square kelvin": 39,
-    "scale": 225,
-    "scale per kelvin": 75,
-    "alignment": 150,
-    "rate error": 250,
+    "bias": 9,
+    "bias per kelvin": 3,
+    "bias per square kelvin": 3,
+    "scale": 9,
+    "scale per kelvin": 3,
+    "alignment": 6,
+    "rate error": 10,
 }
-"""What a calibration states, and how many there are over all seeds."""
+"""What a calibration states, and how often; the truth of odd seeds has no term per square kelvin."""
 
 
 def pulls(one):
@@ -178,20 +180,26 @@ def test_the_pulls_of_every_figure_are_as_wide_as_one(disturbed):
     for name, each in found.items():
         told = f"{len(each):6d}{np.mean(each):8.2f}{np.std(each):11.2f}{np.max(np.abs(each)):9.2f}"
         sys.stdout.write(f"{name:24}{told}\n")
-    assert {name: len(each) for name, each in found.items()} == PULLS
-    wrong = {name: float(np.std(each)) for name, each in found.items() if not 0.8 <= np.std(each) <= 1.2}
+    seeds = dict.fromkeys(PULLS, len(SEEDS)) | {"bias per square kelvin": sum(seed % 2 == 0 for seed in SEEDS)}
+    assert {name: len(each) for name, each in found.items()} == {name: PULLS[name] * seeds[name] for name in PULLS}
+    wrong = {name: float(np.std(each)) for name, each in found.items() if abs(np.std(each) - 1.0) > off(len(each))}
     assert not wrong
-    assert max(abs(np.mean(each)) for each in found.values()) < 0.5
+    assert max(abs(np.mean(each)) for each in found.values()) < 0.5 * math.sqrt(25 / len(SEEDS))
+
+
+def off(number):
+    """Return how far the standard deviation of so many pulls may be from one: in a sample, 3.3 of its own."""
+    return sweeps.chosen(3.3 / math.sqrt(2.0 * number), 0.2)
 
 
 def test_the_calibration_agrees_with_the_truth_of_the_bench(disturbed):
-    """525 intervals over axes, parameters and seeds hold the truth as often as 95 % says, within what seeds explain.
+    """The intervals over axes, parameters and seeds hold the truth as often as 95 % says, within what seeds explain.
 
     The intervals of one campaign share what wanders and how the board is mounted: they count as a third.
     """
     found = np.sum([pooled(kind, disturbed) for kind in (biases, scales, alignments)], axis=0)
     hits, trials = found
-    assert trials == 525
+    assert trials == 21 * len(SEEDS)
     assert abs(hits - 0.95 * trials) <= math.sqrt(3.0) * deviations(trials)
 
 
@@ -219,8 +227,9 @@ def test_the_case_verifies_what_is_true(disturbed):
 
 
 def test_a_bias_that_is_quadratic_in_temperature_is_found_to_be_so(undisturbed, disturbed):
-    """Degree 2 at least for every quadratic truth, and degree 1 for 95 % of the linear ones."""
+    """Degree 2 at least for every quadratic truth, and degree 1 for 95 % of the linear ones, as far as few can tell."""
     for campaigns in (undisturbed, disturbed):
         assert min(degrees(campaigns, curved=True)) >= 2
         straight = degrees(campaigns, curved=False)
-        assert straight.count(1) >= 0.95 * len(straight)
+        fewer = sweeps.chosen(deviations(len(straight)), 0.0)
+        assert straight.count(1) >= 0.95 * len(straight) - fewer

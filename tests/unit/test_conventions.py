@@ -22,6 +22,13 @@ def modules():
     return {name: (text, ast.parse(text)) for name, text in texts.items()}
 
 
+@pytest.fixture(scope="module")
+def nodes(modules):
+    """The functions and calls of every module by its path in the package."""
+    kinds = (ast.Call, ast.FunctionDef)
+    return {name: [node for node in ast.walk(tree) if isinstance(node, kinds)] for name, (_, tree) in modules.items()}
+
+
 def test_every_module_begins_with_one_plain_sentence(modules):
     """The first docstring line tells what is in the module, and ends like a sentence."""
     first = {name: (ast.get_docstring(tree) or "").partition("\n")[0] for name, (_, tree) in modules.items()}
@@ -44,7 +51,7 @@ def of_public_names(tree: ast.Module) -> str:
     listed = [
         ast.literal_eval(node.value)
         for node in tree.body
-        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "__all__"
+        if isinstance(node, ast.Assign) and is_named(node.targets[0], "__all__")
     ]
     defined = {
         node.name
@@ -61,6 +68,11 @@ def of_public_names(tree: ast.Module) -> str:
     return f"not there: {', '.join(sorted(unknown))}" if unknown else ""
 
 
+def is_named(node: ast.expr, name: str) -> bool:
+    """Return whether an expression is a bare name."""
+    return isinstance(node, ast.Name) and node.id == name
+
+
 def assigned(tree: ast.Module) -> set[str]:
     """Return the names that a module assigns at its top."""
     targets = [node.targets[0] for node in tree.body if isinstance(node, ast.Assign)]
@@ -68,11 +80,11 @@ def assigned(tree: ast.Module) -> set[str]:
     return {target.id for target in targets if isinstance(target, ast.Name)}
 
 
-def test_modules_and_functions_stay_short(modules):
+def test_modules_and_functions_stay_short(modules, nodes):
     """Modules and functions stay short enough to be read in one go."""
     long = [name for name, (text, _) in modules.items() if len(text.splitlines()) > LONGEST_MODULE]
-    for name, (_, tree) in modules.items():
-        functions = (node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef))
+    for name, each in nodes.items():
+        functions = (node for node in each if isinstance(node, ast.FunctionDef))
         long += [f"{name}:{function.lineno} {function.name}" for function in functions if is_long(function)]
     assert long == []
 
@@ -83,15 +95,13 @@ def is_long(function: ast.FunctionDef) -> bool:
     return (function.end_lineno or 0) - function.lineno - len(doc.splitlines()) > LONGEST_FUNCTION
 
 
-def test_every_refusal_says_what_to_do_next(modules):
+def test_every_refusal_says_what_to_do_next(nodes):
     """Whoever is refused reads a way out, not only the reason."""
     without = [
         f"{name}:{node.lineno}"
-        for name, (_, tree) in modules.items()
-        for node in ast.walk(tree)
-        if isinstance(node, ast.Call)
-        and ast.unparse(node.func) == "Refused"
-        and len(node.args) + len(node.keywords) < 2
+        for name, each in nodes.items()
+        for node in each
+        if isinstance(node, ast.Call) and is_named(node.func, "Refused") and len(node.args) + len(node.keywords) < 2
     ]
     assert without == []
 

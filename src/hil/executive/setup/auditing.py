@@ -20,6 +20,8 @@ Recoded = tuple[FunctionType, tuple[object, object]]
 """A function, and its code and defaults before they were changed."""
 
 _RECODES = frozenset({"object.__delattr__", "object.__setattr__"})
+_WATCHED = ("open", "exec", "os.remove", "os.truncate", "os.rename", "os.link", "os.symlink")
+_HEARD = _RECODES.union(_WATCHED, ["import"])
 _WRITES = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
 
 
@@ -35,15 +37,16 @@ class _Watch:
         self._inputs = inputs
         self._ground = ground
         self._process = os.getpid()
-        self._events: dict[str, Callable[..., None]] = {
-            "open": self._open,
-            "exec": self._exec,
-            "os.remove": lambda path, *_: self._write(path),
-            "os.truncate": lambda path, *_: self._write(path),
-            "os.rename": lambda source, target, *_: self._write(source, target),
-            "os.link": lambda _source, target, *_: self._write(target),
-            "os.symlink": lambda _source, target, *_: self._write(target),
-        }
+        looks: tuple[Callable[..., None], ...] = (
+            self._open,
+            self._exec,
+            lambda path, *_: self._write(path),
+            lambda path, *_: self._write(path),
+            lambda source, target, *_: self._write(source, target),
+            lambda _source, target, *_: self._write(target),
+            lambda _source, target, *_: self._write(target),
+        )
+        self._events = dict(zip(_WATCHED, looks, strict=True))
 
     def take(self, event: str, args: tuple[object, ...]) -> None:
         """Take an audit event."""
@@ -102,6 +105,8 @@ _executed: list[CodeType | str] = []
 
 
 def _hook(event: str, args: tuple[object, ...]) -> None:
+    if event not in _HEARD:  # as most, and Python tells some hundred thousand
+        return
     if event in _RECODES and isinstance(function := args[0], FunctionType):
         _recoded.append((function, (function.__code__, function.__defaults__)))
     elif event == "exec" and isinstance(code := args[0], CodeType):

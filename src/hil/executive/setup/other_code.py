@@ -213,13 +213,15 @@ def at_start(modules: Mapping[str, object] = sys.modules) -> list[dict[str, obje
 def of_no_package(workspace: Path, modules: Mapping[str, object] = sys.modules) -> list[str]:
     """Return the loaded modules that are of no package, of neither Python nor the workspace, with their file's name."""
     inside = (f"{os.path.realpath(workspace)}{os.sep}", *(f"{each}{os.sep}" for each in _in_place()))
+    folders = cache(os.path.realpath)  # some hundred modules lie in some ten
     strays = []
     for name, module in sorted(modules.items()):
         file = getattr(module, "__file__", None)
         ours = type(getattr(module, "__loader__", None)).__module__.startswith("hil.")  # from a frozen source
         if not isinstance(file, str) or ours or file in _owners() or _is_python(file):
             continue
-        real = os.path.realpath(file)
+        folder, name_of_file = os.path.split(file)
+        real = os.path.realpath(file) if os.path.islink(file) else os.path.join(folders(folder), name_of_file)  # noqa: PTH114, PTH118
         if real not in _owners() and not _is_python(real) and not real.startswith(inside):
             strays.append(f"{name} ({Path(real).name})")
     return strays

@@ -46,6 +46,7 @@ def _nodes(source: bytes) -> tuple[ast.AST, ...]:
     return tuple(ast.walk(parsed(source)))
 
 
+@lru_cache(maxsize=64)
 def sleeps(source: bytes, shown: str) -> tuple[str, ...]:
     """Return every call of `time.sleep` in the source of a module, a sentence each, by line.
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator, Mapping
+from operator import is_not
 from types import BuiltinFunctionType, FunctionType, ModuleType
 from typing import NamedTuple
 
@@ -93,11 +94,15 @@ def _owner(named: str, now: Mapping[str, object]) -> _Owner:
     return _Owner(named, now, then, auditing.begin())
 
 
-def _changed(owner: _Owner, recoded: frozenset[FunctionType]) -> Iterator[str]:
-    now = owner.now
-    for name, value in owner.then.items():
-        if now.get(name) is not value or (type(value) is FunctionType and value in recoded):
-            yield name
+def _changed(owner: _Owner, recoded: frozenset[FunctionType]) -> list[str]:
+    now, then = owner.now, owner.then
+    if not recoded and not any(map(is_not, map(now.get, then), then.values())):
+        return []  # as nearly always, some hundred times after every phase of a case
+    return [
+        name
+        for name, value in then.items()
+        if now.get(name) is not value or (type(value) is FunctionType and value in recoded)
+    ]
 
 
 def _recoded(since: int) -> frozenset[FunctionType]:
