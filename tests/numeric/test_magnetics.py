@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+import sweeps
 from scipy.stats import binom
 from scipy.stats import t as student
 
@@ -109,12 +110,12 @@ def test_intervals_of_the_odd_part_cover(repetitions, seed):
     """95 % intervals hold the coil's field 95 times in 100, under noise and drift, from two repetitions on."""
     generator = np.random.default_rng(seed)
     (plus, zero, minus), _ = phases(repetitions, drift=np.array([0.3, -0.6, 0.1]))
-    hits = 0
-    for _ in range(400):
+    hits, rounds = 0, sweeps.chosen(150, 400)
+    for _ in range(rounds):
         noise = generator.normal(0, 0.4, (3, repetitions, 3))
         response = odd_response(plus + noise[0], zero + noise[1], minus + noise[2])
         hits += sum(inside(response.component(axis), truth) for axis, truth in zip("xyz", COIL, strict=True))
-    assert_coverage(hits, 1200)
+    assert_coverage(hits, 3 * rounds)
 
 
 @pytest.mark.parametrize(("tilt", "seed"), [(20.0, 21), (90.0, 22), (165.0, 23)])
@@ -123,12 +124,12 @@ def test_intervals_of_the_angle_cover(tilt, seed):
     generator = np.random.default_rng(seed)
     coil = 10 * np.array([math.sin(math.radians(tilt)), 0.0, math.cos(math.radians(tilt))])
     (plus, zero, minus), _ = phases(5, coil=coil)
-    hits = 0
-    for _ in range(600):
+    hits, rounds = 0, sweeps.chosen(250, 600)
+    for _ in range(rounds):
         noise = generator.normal(0, 0.3, (3, 5, 3))
         response = odd_response(plus + noise[0], zero + noise[1], minus + noise[2])
         hits += inside(direction(response, [0, 0, 1]).angle, tilt)
-    assert_coverage(hits, 600)
+    assert_coverage(hits, rounds)
 
 
 def test_uncertainty_of_the_angle_is_its_slope_times_the_covariance():

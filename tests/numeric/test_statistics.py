@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+import sweeps
 from scipy.signal import lfilter
 from scipy.stats import binom
 from scipy.stats import t as student
@@ -23,12 +24,12 @@ def wandering(generator, phi, size):
 def test_intervals_of_the_mean_cover(phi, size, seed):
     """95 % intervals hold the true mean 93 to 97.5 times in 100, for white and for correlated samples."""
     generator = np.random.default_rng(seed)
-    hits = 0
-    for _ in range(600):
+    hits, rounds = 0, sweeps.chosen(300, 600)
+    for _ in range(rounds):
         found = mean(wandering(generator, phi, size), "uT")
         hits += abs(found.value) <= student.ppf(0.975, found.dof) * found.uncertainty
     # The estimate of the correlation itself moves the level a little; the band allows for that and for the count.
-    assert binom.ppf(1e-4, 600, 0.93) <= hits <= binom.ppf(1 - 1e-4, 600, 0.975)
+    assert binom.ppf(1e-4, rounds, 0.93) <= hits <= binom.ppf(1 - 1e-4, rounds, 0.975)
 
 
 def test_correlation_widens_the_mean():

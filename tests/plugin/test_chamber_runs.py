@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pytest
 from chamber_wiring import wire_chamber
 from workspaces import agreed, make
 
@@ -54,6 +55,7 @@ def test_a_fault_of_the_chamber_is_an_error_of_the_bench(tmp_path):
     assert "bench fault: tec1" in ran.reasons("test_warm")
 
 
+@pytest.mark.soak  # of any fault: `test_verdicts.py`
 def test_a_fault_that_a_case_swallows_is_an_error_all_the_same(tmp_path):
     """The sensor comes off in the second case, which catches everything and checks on."""
     ran = ended(tmp_path, "{kind: sensor-detached, from: 1000 s}")

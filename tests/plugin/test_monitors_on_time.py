@@ -27,6 +27,8 @@ def test_long_recording(field, record, supply, clock):
     record("crowded", field, duration=4, rate=200)
     clock.sleep(3)
 """
+GAP = PLAN.partition("    clock.sleep(0.02)")[0]
+"""The recording alone."""
 REQUIREMENTS = """schema: hil/requirements/1
 document: {id: WATCH, issue: "1.0", title: Watching}
 requirements:
@@ -43,14 +45,14 @@ requirements:
 """
 
 
-def watching(folder, changes=None):
+def watching(folder, changes=None, source=PLAN):
     """Run the plan that watches, on a bench with changes."""
     root = workspace(folder / "workspace", changes)
     plan = root / "testplans/watching"
     plan.mkdir()
     (plan / "requirements.yaml").write_text(REQUIREMENTS)
     (plan / "parameters.yaml").write_text("schema: hil/parameters/1\nparameters: []\n")
-    (plan / "test_watching.py").write_text(PLAN)
+    (plan / "test_watching.py").write_text(source)
     catalogue = load_catalogue(root, [plan], locked=False)
     (plan / "requirements.lock.json").write_text(lock_text(catalogue.of_plan("watching")))
     return run_here(root, plan="watching")
@@ -105,7 +107,7 @@ def test_a_current_that_flows_for_a_second_is_seen(tmp_path):
 )
 def test_a_gap_that_the_benchs_silence_made_is_no_failure_of_the_dut(tmp_path, until, said):
     """A supply that is silent for a while holds the recording up: ERROR, for the case and for what it verifies."""
-    ran = watching(tmp_path, with_faults("psu1", f"{{kind: dead, from: 12 s, until: {until}}}"))
+    ran = watching(tmp_path, with_faults("psu1", f"{{kind: dead, from: 12 s, until: {until}}}"), GAP)
     (case,) = results_as_json(ran.package)["cases"]
     assert case["verdict"] == "ERROR"
     assert results_as_json(ran.package)["requirements"][0]["verdict"] == "ERROR"

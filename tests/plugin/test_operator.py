@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+import sweeps
 from told_as_json import bodies
 from workspaces import agreed, make
 
@@ -57,13 +58,22 @@ def test_a_hand_instrument_is_evidence_as_one_of_the_bench_is(tmp_path):
 
 @pytest.mark.parametrize(
     ("text", "reason"),
-    [
-        ('{jig-close: "yes"}', "answers.yaml has no answer to 'jig-closed', did you mean 'jig-close'?"),
-        ('{jig-closed: "no"}', "'Is the jig closed?' was not confirmed"),
-        ('{jig-closed: "perhaps"}', "answers.yaml answers 'perhaps' to 'jig-closed'; answer yes or no"),
-        ('{jig-closed: "yes", voltmeter: "much"}', "answers.yaml answers 'much' to 'voltmeter'; answer a number in V"),
-        ('{jig-closed: "yes", voltmeter: "nan"}', "answers.yaml answers 'nan' to 'voltmeter'; answer a number in V"),
-    ],
+    sweeps.sample(
+        [
+            ('{jig-close: "yes"}', "answers.yaml has no answer to 'jig-closed', did you mean 'jig-close'?"),
+            ('{jig-closed: "no"}', "'Is the jig closed?' was not confirmed"),
+            ('{jig-closed: "perhaps"}', "answers.yaml answers 'perhaps' to 'jig-closed'; answer yes or no"),
+            (
+                '{jig-closed: "yes", voltmeter: "much"}',
+                "answers.yaml answers 'much' to 'voltmeter'; answer a number in V",
+            ),
+            (
+                '{jig-closed: "yes", voltmeter: "nan"}',
+                "answers.yaml answers 'nan' to 'voltmeter'; answer a number in V",
+            ),
+        ],
+        2,
+    ),
 )
 def test_an_answer_that_is_none_is_an_error(tmp_path, text, reason):
     """A file that does not answer the question ends the case, and says what to write."""

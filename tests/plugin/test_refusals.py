@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import shutil
 import sys
 import textwrap
@@ -11,6 +12,7 @@ from workspaces import HEAD, ROOT, make
 
 from hil.model.errors import ConfigurationError, HilError, NoReply, Refused
 from hil.model.identity import Source
+from hil.plugin.running import run
 
 GOOD = """
 @pytest.mark.requirement("T-010")
@@ -288,8 +290,9 @@ def test_hooks_that_a_fixture_module_takes_from_elsewhere_are_refused(tmp_path):
 def test_a_plan_without_cases_has_its_own_code(tmp_path):
     """No cases are no pass, and leave no package."""
     workspace = make(tmp_path / "workspace", "def helper():\n    pass")
-    ended = workspace.hil("run", "small", "--bench", "adcs", "--dut", "SIM-ADCS-1", "--source", "simulated")
-    assert (ended.code, ended.out, ended.err) == (5, "no cases were found in these plans\n", "")
+    out = io.StringIO()
+    assert run(workspace.request(), out) == 5
+    assert out.getvalue() == "no cases were found in these plans\n"
     assert workspace.folders() == []
 
 

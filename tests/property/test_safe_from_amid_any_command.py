@@ -37,7 +37,7 @@ def test_it_is_made_safe_wherever_the_driver_ends(name):
     kind = BY_BYTES[name]
     sent, code = recorded(kind)
     was_on = 0
-    for place, size in sweeps.sample(cuts(sent), 60):
+    for place, size in sweeps.sample(cuts(sent), 30):
         with rig(kind) as found:
             cut_off(found, sent, place, size)
             was_on += bool(found.on())
@@ -54,7 +54,7 @@ def test_half_a_command_switches_nothing_on(name):
     """
     kind = BY_BYTES[name]
     sent, code = recorded(kind)
-    for place, size in sweeps.sample(cuts(sent), 60):
+    for place, size in sweeps.sample(cuts(sent), 30):
         with rig(kind) as found:
             cut_off(found, sent, place, size)
             found.clock.sleep(0.2)  # whole commands before it are carried out

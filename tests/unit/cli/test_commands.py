@@ -93,7 +93,7 @@ def test_a_mistake_is_a_sentence_and_exit_code_4(capsys, arguments, message):
     [
         ("bench", "check", "battery"),
         ("bench", "safe", "battery"),
-        ("run", "battery_charge", "--bench", "battery", "--dut", "SIM-BAT-1"),
+        pytest.param(("run", "battery_charge", "--bench", "battery", "--dut", "SIM-BAT-1"), marks=pytest.mark.system),
     ],
     ids=" ".join,
 )

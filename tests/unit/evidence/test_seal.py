@@ -42,11 +42,18 @@ def folder(tmp_path):
     return create(tmp_path / "reports", bench="flight", dut="SN1")
 
 
-@pytest.fixture
-def writable(tmp_path, folder):
-    """Return a writable copy of a sealed package."""
+@pytest.fixture(scope="module")
+def sealed(tmp_path_factory):
+    """The folder of a sealed run, which nobody changes."""
+    folder = create(tmp_path_factory.mktemp("sealed") / "reports", bench="flight", dut="SN1")
     sealed_run(folder)
-    copy = shutil.copytree(folder, tmp_path / "copy", copy_function=shutil.copyfile)
+    return folder
+
+
+@pytest.fixture
+def writable(tmp_path, sealed):
+    """Return a writable copy of a sealed package."""
+    copy = shutil.copytree(sealed, tmp_path / "copy", copy_function=shutil.copyfile)
     for path in (copy, *copy.rglob("*")):
         path.chmod(0o755)
     return copy
