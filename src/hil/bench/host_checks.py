@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -47,6 +47,7 @@ class Computer:
         reports: where runs go.
         free: how many bytes are free there.
         may_open: whether this user may read and write a file.
+        used_by: names the programs that have a port open.
         inhibitor: whether the workspace has a command of its own that holds off sleep.
         benches: the benches of the workspace.
     """
@@ -58,6 +59,7 @@ class Computer:
     reports: Path
     free: int
     may_open: Callable[[Path], bool] = lambda path: os.access(path, os.R_OK | os.W_OK)
+    used_by: Callable[[Path], Iterable[str]] = lambda _: ()
     inhibitor: bool = False
     benches: Sequence[BenchSpec] = field(default=())
 
@@ -124,14 +126,22 @@ def _has_kind(computer: Computer, *kinds: PortKind) -> bool:
 
 
 def _ports(computer: Computer) -> Iterator[Check]:
-    """Look at the serial ports, buses and USB instruments that are there, and whether they can be opened."""
+    """Look at the serial ports, buses and USB instruments that are there: may they be opened, and who has them open?"""
     found = computer.devices("ttyUSB*", "ttyACM*", "i2c-*", "usbtmc*")
     closed = [computer.named(path) for path in found if not computer.may_open(path)]
+    used = [
+        f"{computer.named(path)} is in use by {', '.join(users)}"
+        for path in found
+        if not path.name.startswith("i2c-") and (users := list(computer.used_by(path)))
+    ]
     if not found:
         yield Check(name="ports", ok=None, detail="no USB serial port, I2C bus or USB instrument is there")
     elif closed:
         todo = "install the udev rules of its bench: hil bench setup NAME --print udev"
         yield Check(name="ports", ok=False, detail=f"cannot be opened: {', '.join(closed)}", todo=todo)
+    elif used:
+        todo = "end that program before a run: a port serves one program at a time"
+        yield Check(name="ports", ok=False, detail="; ".join(used), todo=todo)
     else:
         yield Check(name="ports", ok=True, detail=", ".join(map(computer.named, found)))
 

@@ -133,6 +133,8 @@ def ways_on(folder: Path) -> Iterator[str]:
     Args:
         folder: the run's folder, whose process has ended.
     """
+    from hil.bench.lease import ack_line, latches_of  # noqa: PLC0415 - only after a run that died
+
     yield f"check the bench first; then see how far the run got: hil status {folder.name}"
     seal = f"seal it as it is: hil seal {folder}"
     try:
@@ -142,6 +144,8 @@ def ways_on(folder: Path) -> Iterator[str]:
     if why_not:
         yield f"it cannot be resumed, {why_not}; {seal}"
     else:
+        if latches_of(folder.name):
+            yield f"acknowledge what you found, the bench is latched until then: {ack_line(folder.name)}"
         yield f"resume it: hil resume {folder}"
         yield f"or {seal}"
 

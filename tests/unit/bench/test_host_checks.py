@@ -60,6 +60,8 @@ NOT_OK = {
     "no group for buses": ({"changed": {"etc/group": "dialout:x:20:ada"}, "groups": frozenset({20})},
                            "group i2c", "sudo groupadd --system i2c"),
     "a closed port": ({"may_open": lambda path: path.name != "ttyUSB0"}, "ports", "--print udev"),
+    "a port that is in use": ({"used_by": lambda path: ["minicom (process 7)"] if path.name == "ttyUSB0" else []},
+                              "ports", "end that program"),
     "no logind": ({"without": ("run/dbus",)}, "sleep", "inhibitor"),
     "a lid": ({"without": ("etc/systemd/logind",)}, "lid", "HandleLidSwitch=ignore"),
     "a lid in a comment": ({"changed": {"etc/systemd/logind.conf.d/hil.conf": "#HandleLidSwitch=ignore"}},
@@ -81,6 +83,12 @@ def test_what_is_wrong_says_what_to_type(host, name):
     assert check in wrong
     assert wrong <= {check, "group i2c"}
     assert todo in found[check].todo
+
+
+def test_who_has_a_port_open_is_told(host):
+    """A run on hardware would be refused; the program is named beside its port."""
+    found = host(used_by=lambda path: ["minicom (process 7)"] if path.name == "ttyUSB0" else [])
+    assert found["ports"].detail == "/dev/ttyUSB0 is in use by minicom (process 7)"
 
 
 def test_what_nothing_needs_is_not_asked_for(host):

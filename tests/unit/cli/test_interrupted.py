@@ -51,6 +51,19 @@ def test_a_resume_is_offered_where_there_is_something_to_go_on_with(tmp_path, ev
     assert why_not in told
 
 
+def test_what_the_guardian_did_is_acknowledged_before_the_run_resumes(tmp_path, monkeypatch):
+    """Without it a resume is refused; the line can be typed as it stands."""
+    (tmp_path / "data").mkdir()
+    with Journal(tmp_path / "data/journal.jsonl") as journal:
+        for kind, fields in {**LIVE, **CASE}.items():
+            journal.write(event_of(kind, **fields), 0.0)
+    assert not any("hil ack" in way for way in ways_on(tmp_path))
+    monkeypatch.setattr("hil.bench.lease.latches_of", lambda run: {tmp_path: run})
+    _, acknowledge, resume, _ = ways_on(tmp_path)
+    assert acknowledge.endswith(f': hil ack {tmp_path.name} --by NAME --text "what was seen and done"')
+    assert resume == f"resume it: hil resume {tmp_path}"
+
+
 def test_a_run_without_a_journal_is_not_resumed(tmp_path):
     """Its folder is all that it came to."""
     told = "\n".join(ways_on(tmp_path))

@@ -42,9 +42,9 @@ def test_a_call_is_an_effect_of_its_kind(tmp_path):
 
 
 def test_a_call_with_wrong_arguments_drives_nothing(tmp_path):
-    """The role is not reached, and nothing is written."""
+    """The role is not reached, nothing is written, and the operation is named."""
     case = Case(tmp_path)
-    with pytest.raises(TypeError):
+    with pytest.raises(TypeError, match="supply.coil.configure: missing a required argument: 'current"):
         case.coil.configure(5.0)
     assert (case.supply.calls, case.written.events) == ([], [])
 

@@ -186,6 +186,8 @@ def _checks() -> Iterator[Check]:
     if sys.platform != "linux":
         yield Check(name="system", ok=False, detail=f"{sys.platform} only simulates", todo="drive hardware from Linux")
         return
+    from hil.wire.obstacles import users_of  # noqa: PLC0415 - groups of users exist on Linux only
+
     for name, problem in problems:
         yield Check(name=f"bench {name}", ok=False, detail=problem, todo=f"hil bench check {name} --source simulated")
     reports = workspace.reports if workspace else Path.cwd()
@@ -198,6 +200,7 @@ def _checks() -> Iterator[Check]:
             now=wall.seconds_of(wall.utc_now()),
             reports=reports,
             free=shutil.disk_usage(there).free,
+            used_by=lambda path: users_of(str(path)),
             inhibitor=bool(workspace and workspace.inhibitor),
             benches=benches,
         )

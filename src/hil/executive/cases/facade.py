@@ -136,7 +136,10 @@ class Facade(OfThisProcess):
         what = f"{self.wire.name}.{name}"
 
         def call(*args: object, **kwargs: object) -> object:
-            arguments = signature.bind(self, *args, **kwargs).arguments
+            try:
+                arguments = signature.bind(self, *args, **kwargs).arguments
+            except TypeError as error:
+                raise TypeError(f"{what}: {error}") from None
             arguments.pop("self")
             try:
                 _require_numbers(what, operation, arguments)

@@ -23,6 +23,7 @@ __all__ = ["ObcBoard", "ObcLink"]
 
 _CONVERSIONS = 64
 _MILLIVOLTS = 1000.0
+_HIGHEST_CHANNEL = 255  # a request has a byte for it
 
 
 class ObcBoard:
@@ -42,7 +43,16 @@ class ObcBoard:
         """Return the voltage of one analogue input in V, the mean of 64 conversions; NaN at full scale.
 
         The standard uncertainty holds the scatter of the mean and the converter's step, not the reference's.
+
+        Raises:
+            Refused: no input of any board has such a number; nothing was sent.
+            Rejected: this board has no such input.
         """
+        if not 0 <= channel <= _HIGHEST_CHANNEL:
+            raise Refused(
+                f"{self._session.device}: no analogue input has the number {channel}",
+                "the page of the board's firmware lists its inputs from 0 on",
+            )
         fields = self._session.request(Command.ADC, struct.pack("<BH", channel, _CONVERSIONS)).fields
         found = self._session.read("ADC", conversions, fields)
         if (found.channel, found.taken) != (channel, _CONVERSIONS) or not found.full_scale:

@@ -86,6 +86,15 @@ def test_conversions_of_another_channel_are_garbled(board, port):
         board.analog(2)
 
 
+@pytest.mark.parametrize("channel", [-1, 256])
+def test_an_input_that_no_request_can_name_is_refused(board, port, channel):
+    """The sentence names board and number; no byte is sent."""
+    sent = len(port.requests)
+    with pytest.raises(Refused, match=f"no analogue input has the number {channel}"):
+        board.analog(channel)
+    assert len(port.requests) == sent
+
+
 def test_the_bus_has_its_frequency(driver, port):
     """The frequency of the bench file goes to the board before the first transfer."""
     port.answers[3] = lambda _: bytes.fromhex("00 01 00 0000")
