@@ -60,8 +60,12 @@ def test_hot(data_acquisition, supply, record, clock):
     with record.during("temps", data_acquisition, rate=4.0) as temps:
         clock.sleep(600.0)
 """
+LIMITS = {
+    "read": 'quantity: volts, unit: V, max: "0.5"',
+    "derived": 'quantity: slope, of: volts, over: 2 s, unit: V/s, max: "0.1"',
+}
 LIMIT = """envelope:
-- {id: coil-volts, output: data_acquisition, quantity: volts, unit: V, max: "0.5", period: 1 s, max_age: 6 s}
+- {{id: coil-volts, output: data_acquisition, {}, period: 1 s, max_age: 6 s}}
 """
 BENCH = {
     "instruments:\n  psu1:": """instruments:
@@ -108,14 +112,15 @@ def test_a_run_that_is_killed_within_a_capture_is_whole_once_resumed(tmp_path):
     assert replay(ran.package).differences == ()
 
 
-def test_a_channel_is_a_limit_of_the_envelope(tmp_path):
+@pytest.mark.parametrize("limit", LIMITS)
+def test_a_channel_is_a_limit_of_the_envelope(tmp_path, limit):
     """It is read by itself before, its rows are judged while it is recorded, and the row beyond the limit trips."""
     workspace = without_git(make(tmp_path / "workspace", TRIPS, requirements=REQUIREMENTS))
-    workspace.change_bench({**BENCH, "envelope:\n": LIMIT})
+    workspace.change_bench({**BENCH, "envelope:\n": LIMIT.format(LIMITS[limit])})
     ran = workspace.run()
     assert ran.code == 6, ran.out
     (trip,) = bodies(ran.package, "trip")
-    assert (trip["limit"], trip["unit"]) == ("coil-volts", "V")
+    assert (trip["limit"], trip["unit"]) == ("coil-volts", {"read": "V", "derived": "V/s"}[limit])
     assert " s of recording " in trip["text"]
     assert len(ran.package.recording("envelope-coil-volts")) > 1
     assert replay(ran.package).differences == ()

@@ -293,6 +293,24 @@ def test_positions_must_be_ones_that_arm_can_try(tmp_path, change, message):
             ["data_acquisition has no rial: its wire names rail, plate, flags"],
         ),
         ("quantity: plate, unit: K", ["plate is given in degC here, not in 'K'"]),
+        ("quantity: slope, of: plate, over: 60 s, unit: K/min", []),
+        ('quantity: unchanged, of: rail, band: "0", unit: h', []),
+        (
+            "quantity: slope, of: plat, over: 60 s, unit: K/min",
+            ["seen: data_acquisition has no plat: its wire names rail, plate, flags"],
+        ),
+        (
+            "quantity: slope, of: plate, over: 60 s, unit: V/s",
+            ["slope of plate is given in K/s, K/min or K/h here, not in 'V/s', did you mean 'K/s'?"],
+        ),
+        (
+            'quantity: charge, while: charging, threshold: "1", since: arm, unit: A.h',
+            ["seen: no input of data_acquisition is known to be a current: limit a slope, or the time unchanged"],
+        ),
+        (
+            "quantity: rail, against: supply.coil, unit: V",
+            ["seen: an input of data_acquisition cannot be held against another output: give each a limit of its own"],
+        ),
     ],
 )
 def test_a_limit_names_an_input_of_the_wire(tmp_path, limit, messages):

@@ -38,14 +38,18 @@ _OF_WHAT_IS_READ = (*_FLOW, "against")
 
 def _derived(spec: BenchSpec, at: Path, limit: EnvelopeLimit) -> Complaints:
     """Check one limit on a derived quantity."""
+    inputs = _inputs(spec, limit.output)
     if limit.quantity in MADE_OF:
-        yield from _unit(at, limit)
+        yield from _unit(at, limit, inputs)
+    elif inputs:
+        yield from quantity_of(at, limit.output, limit.quantity, limit.unit, inputs)
     else:
         units = quantity_units()
         yield from known(at, "quantity", limit.quantity, (*units, *MADE_OF))
         if limit.quantity in units:
             yield from quantity_of(at, limit.output, limit.quantity, limit.unit)
-    for problem in (*_keys(limit), *_sources(spec, limit), *_numbers(limit)):
+    sources = _of_inputs(limit, inputs) if inputs else _sources(spec, limit)
+    for problem in (*_keys(limit), *sources, *_numbers(limit)):
         yield at, f"{limit.id}: {problem}"
 
 
@@ -91,9 +95,13 @@ def _keys(limit: EnvelopeLimit) -> Iterator[str]:
         yield "a current cannot be the condition of its own limit"
 
 
-def _unit(at: Path, limit: EnvelopeLimit) -> Complaints:
+def _unit(at: Path, limit: EnvelopeLimit, inputs: Mapping[str, str]) -> Complaints:
     if limit.quantity == "slope":
-        unit = unit_of(limit.output, limit.of) or next(iter(quantity_units().get(limit.of, ())), "")
+        unit = (
+            inputs.get(limit.of)
+            or unit_of(limit.output, limit.of)
+            or next(iter(quantity_units().get(limit.of, ())), "")
+        )
         if not unit:
             return
         base = {"degC": "K"}.get(unit, unit)
@@ -124,6 +132,16 @@ def _sources(spec: BenchSpec, limit: EnvelopeLimit) -> Iterator[str]:
         yield f"{limit.output} cannot be held against itself"
     elif limit.quantity in units and other and limit.quantity not in other.quantities:
         yield f"{limit.against} has no {limit.quantity}: {quantities_told(other)}"
+
+
+def _of_inputs(limit: EnvelopeLimit, inputs: Mapping[str, str]) -> Iterator[str]:
+    """What is derived from inputs that a wire names comes from one of them: none of them is known to be a current."""
+    if limit.of and limit.of not in inputs:
+        yield f"{limit.output} has no {limit.of}: its wire names {', '.join(inputs)}"
+    if limit.quantity in INTEGRALS or limit.flow:
+        yield f"no input of {limit.output} is known to be a current: limit a slope, or the time unchanged"
+    if limit.against:
+        yield f"an input of {limit.output} cannot be held against another output: give each a limit of its own"
 
 
 def _numbers(limit: EnvelopeLimit) -> Iterator[str]:

@@ -168,7 +168,8 @@ class Taking:
         inputs = inputs_of(source.instrument.driver, source.wire)
         for monitor in monitors:
             limit = monitor.limit
-            if limit.output == source.wire.name and limit.quantity in inputs and monitor not in fed:
+            of_input = limit.quantity in inputs or limit.of in inputs
+            if limit.output == source.wire.name and of_input and monitor not in fed:
                 allowed_s = limit.max_age_s - limit.period_s
                 raise Misused(
                     f"record '{self.facts.name}': rows of {source.wire.name} may come {self.turns.every_s:.3g} s apart,"

@@ -204,9 +204,16 @@ def _columns_of(monitor: Monitor, output: str, columns: Mapping[tuple[str, str],
     limit, derivation = monitor.limit, monitor.derivation
     if derivation is None:
         return columns.get((limit.quantity, limit.unit)) if limit.output == output else None
-    found = [columns.get((name, unit_of(at, name))) for at, name in derivation.sources if at == output]
+    found = [_column_of(name, unit_of(at, name), columns) for at, name in derivation.sources if at == output]
     places = tuple(place for place in found if place is not None)
     return places if len(places) == len(derivation.sources) else None
+
+
+def _column_of(name: str, unit: str, columns: Mapping[tuple[str, str], int]) -> int | None:
+    """Return the column of a quantity in its role's unit; what the wire names alone has the unit that it says there."""
+    if unit:
+        return columns.get((name, unit))
+    return next((column for (each, _), column in columns.items() if each == name), None)
 
 
 def pause_allowed(monitors: Fed, row_s: float) -> float:
