@@ -71,6 +71,27 @@ def test_the_clock_itself_is_not_exact():
     assert took.uncertainty == pytest.approx(math.hypot(0.5, 3.60005) / math.sqrt(3))
 
 
+def test_no_turn_beside_the_case_is_disturbed_in_a_wait(case):
+    """An alarm that rings while a recording asks its instrument must not begin another question there."""
+    disturbed = []
+
+    class Turn:
+        """Is asked for a sample every 20 ms; in the middle of it the alarm rings."""
+
+        what, due_ns, turns = "a recording", 0, 0
+
+        def take(self):
+            case.flags.interlude(lambda *_: disturbed.append(self.turns))
+            self.turns += 1
+            self.due_ns = case.clock.now_ns() + 20_000_000
+
+    turn = Turn()
+    case.scheduler.begin_beside(turn)
+    with case.flags.case_code():
+        CaseClock(case.run).until(lambda: case.clock.now() >= 0.5, within=1.0, every=0.1)
+    assert (disturbed, turn.turns > 10) == ([], True)
+
+
 def test_in_vain_nothing_is_decided(case):
     """It took as long as it was to take; a case that lets it through is INCONCLUSIVE where it checked nothing."""
     clock = CaseClock(case.run)

@@ -84,6 +84,7 @@ class Effects:
         undisturbed: keeps requests to stop waiting while an effect is performed.
 
     Attributes:
+        undisturbed: as given, for a wait that is no effect of its own.
         diverged: the first disagreement with the record, also where the case let it through.
     """
 
@@ -97,7 +98,7 @@ class Effects:
         self._journal = journal
         self._where = where
         self._recall = recall
-        self._undisturbed = undisturbed
+        self.undisturbed = undisturbed
         self.diverged = ""
         self._ordinals: Counter[tuple[str, str]] = Counter()
         self._learning: list[list[Provenance]] = []
@@ -116,7 +117,7 @@ class Effects:
         Raises:
             Diverged: if a record is to be agreed with, and does not.
         """
-        with self._undisturbed():
+        with self.undisturbed():
             try:
                 return self._perform(name, kind, arguments, action)
             except Diverged as error:

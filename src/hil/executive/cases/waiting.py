@@ -115,7 +115,8 @@ class CaseClock(OfThisProcess):
                 return None
             vain_ns = began_ns
             turn = max(turn + 1, math.ceil((now_ns - start_ns) / NANOSECONDS / every))
-            self._scheduler.wait_until(start_ns + round(turn * every * NANOSECONDS))
+            with self._effects.undisturbed():  # a turn beside the case may be amid a transaction
+                self._scheduler.wait_until(start_ns + round(turn * every * NANOSECONDS))
 
     def _beginning(self, since: object, now_ns: int) -> int:
         if isinstance(since, bool) or not isinstance(since, int | float) or not 0 <= since <= now_ns / NANOSECONDS:
