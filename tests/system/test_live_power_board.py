@@ -9,11 +9,13 @@ import subprocess
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
 import pytest
 from live_runs import guardian_of, put_away, seconds_until, served
 from told_as_json import bodies, results_as_json
 from workspaces import ROOT, Workspace, executive, finish
 
+from hil.evidence.events import RecordingEnd
 from hil.evidence.package.contents import Package
 from hil.evidence.package.verification import verify
 from hil.plugin.rehearsing import replay
@@ -29,6 +31,8 @@ document: {id: WAIT, issue: "1.0", title: A figure that takes a while}
 requirements:
 - {id: WAIT-010, rev: 1, text: Twelve seconds shall last that long., kind: limit, method: test,
    limits: [{parameter: time, unit: s, min: "11.5", max: "13", decision: simple}]}
+- {id: WAIT-020, rev: 1, text: What the supply reads shall be recorded for eleven seconds., kind: record, method: test,
+   records: {recording: rail, channels: [voltage, current], rate: 2 Hz, duration: 11 s, max_gap: 1.2 s}}
 """
 
 PLAN = '''\
@@ -37,10 +41,10 @@ PLAN = '''\
 import pytest
 
 
-@pytest.mark.requirement("WAIT-010")
+@pytest.mark.requirement("WAIT-010", "WAIT-020")
 @pytest.mark.max_duration(60)
 @pytest.mark.repeatable("waiting changes nothing of the board")
-def test_waiting(supply, relays, electronic_load, clock, check, step):
+def test_waiting(supply, relays, electronic_load, clock, check, record, step):
     """The rail is on all the time."""
     with step("Switch on"):
         supply.configure(7.4, 1.0)
@@ -48,7 +52,7 @@ def test_waiting(supply, relays, electronic_load, clock, check, step):
         relays.close("feed")
         electronic_load.constant_current(0.5)
         electronic_load.enable()
-    with step("Wait"):
+    with step("Wait"), record.during("rail", supply, rate=2.0):
         since = clock.now()
         check("WAIT-010", "time", clock.until(
             lambda: electronic_load.voltage().value > 4.5 and clock.now() > since + 12.0, since=since, within=30.0,
@@ -114,7 +118,10 @@ def test_the_campaign_passes_on_a_served_bench(tmp_path):
 
 
 def test_a_run_that_is_killed_while_it_waits_is_safe_and_its_figure_is_of_the_last_attempt(tmp_path):
-    """The guardian switches off; resumed, the case is entered again, and the figure has nothing of the interruption."""
+    """The guardian switches off; resumed, the case is entered again, and the figure has nothing of the interruption.
+
+    What was recorded at the kill is kept, and ended as incomplete; the recording of the second attempt is whole.
+    """
     made = workspace(tmp_path / "w")
     with served(tmp_path / "s", made.root, "eps", speed=SPEED) as bench:
         with started(made, bench, "waiting") as process:
@@ -133,11 +140,17 @@ def test_a_run_that_is_killed_while_it_waits_is_safe_and_its_figure_is_of_the_la
     package = Package(folder)
     assert verify(package.folder).findings == ()
     (case,) = results_as_json(package)["cases"]
-    (check,) = case["checks"]
+    check = next(each for each in case["checks"] if each["parameter"] == "time")
     assert case["verdict"] == "PASS"
     assert 11.5 <= check["value"] <= 13.0
     assert check["uncertainty"] < 0.5
     assert len(case["attempts"]) == 2
+    ends = [line.event for line in package.lines() if isinstance(line.event, RecordingEnd)]
+    whole = {end.recording: end.complete for end in ends}
+    assert (whole["001-test_waiting-rail"], whole["002-test_waiting-rail"]) == (False, True)
+    rail = package.recording("002-test_waiting-rail")
+    assert len(rail) >= 22
+    assert np.diff(rail.time).max() <= 1.2
     assert [event["number"] for event in bodies(package, "resumed")] == [1]
     assert replay(package).differences == ()
 

@@ -215,6 +215,11 @@ class RunState:
         return tuple(f"{gate.instrument}: {gate.exception}" for gate in self.host_gates if gate.exception)
 
     @property
+    def left_open(self) -> tuple[Recording, ...]:
+        """The recordings that have not ended."""
+        return tuple(begun for name, begun in self.recordings.items() if name not in self.ended)
+
+    @property
     def deviations(self) -> tuple[str, ...]:
         """How the run deviates from its plan, resumptions included."""
         asked = self.run.deviations if self.run else ()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -43,6 +43,7 @@ __all__ = [
     "EXIT_CODE",
     "SEAL_ERRORS",
     "ReportWriter",
+    "end_recordings",
     "event_of",
     "finish",
     "info_of",
@@ -357,7 +358,7 @@ def _seal_as_it_is(folder: Path, write_reports: ReportWriter) -> str:
         if torn or not state.recovered:
             text = "the run was interrupted and is sealed as it is"
             journal.write(events.Recovered(torn_bytes=torn, text=text), journal.last_t)
-        _end_recordings(folder, journal, state)
+        end_recordings(folder, journal, state.left_open)
         return seal(folder, journal, exit_code=EXIT_CODE, write_reports=write_reports)
 
 
@@ -375,10 +376,10 @@ def _require_known(folder: Path, reading: JournalReading) -> None:
         )
 
 
-def _end_recordings(folder: Path, journal: Journal, state: RunState) -> None:
-    for recording, begun in state.recordings.items():
-        if recording not in state.ended:
-            _end_recording(folder, journal, begun)
+def end_recordings(folder: Path, journal: Journal, recordings: Iterable[events.Recording]) -> None:
+    """End recordings whose process was killed, as incomplete, with the rows that reached the disk."""
+    for begun in recordings:
+        _end_recording(folder, journal, begun)
 
 
 def _end_recording(folder: Path, journal: Journal, begun: events.Recording) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack, suppress
 from io import FileIO
 from pathlib import Path
@@ -16,7 +16,7 @@ from hil.evidence.events import Event, EventSink, HoldEnd
 from hil.evidence.folder import JOURNAL, RESERVE, TRANSCRIPT, free_reserve, hold
 from hil.evidence.inbox import Message, asks_for_end, poll, waiting
 from hil.evidence.journal.writer import Journal
-from hil.evidence.package.sealing import ReportWriter, event_of, seal
+from hil.evidence.package.sealing import ReportWriter, end_recordings, event_of, seal
 from hil.executive.ending.stop import StopFlags
 from hil.executive.journaling.checkpoints import Checkpoints
 from hil.executive.journaling.events import DISK_FULL, Caller, Events, Listener, Retraced
@@ -297,6 +297,11 @@ class Record:
             parts = (self.events, self.transcript, self.store)
             self._retraces = answered or any(part.comes_again for part in parts)
         return self._retraces
+
+    def end_recordings(self, recordings: Iterable[events.Recording]) -> int:
+        """End recordings of a past that is void, and return the sequence number of the last event."""
+        end_recordings(self.folder, self._journal, recordings)
+        return self._journal.count - 1
 
     def seal(self, exit_code: int, write_reports: ReportWriter) -> str:
         """Seal the package and return its evidence digest."""

@@ -354,11 +354,14 @@ class Entering:
         return entry
 
     def _entry(self, place: int, earlier: Earlier, boundary: Boundary) -> events.Entry:
-        """Return what is void if the run is entered here now."""
+        """Return what is void if the run is entered here now; recordings that are void as a whole are ended first."""
+        last = earlier.lines[-1].event.seq
+        if earlier.broken_off:
+            last = self._record.end_recordings(earlier.broken_off)
         return events.Entry(
             place=place,
             boundary=boundary.sequence,
-            void_to=earlier.lines[-1].event.seq,
+            void_to=last,
             operations=count_operations(earlier.folder / TRANSCRIPT),
             number=earlier.next_recording,
             rows=tuple(self._record.store.held(boundary.kept, earlier.begun_behind)),

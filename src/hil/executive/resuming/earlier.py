@@ -142,6 +142,15 @@ class Earlier:
         return tuple(event.recording for event in begun if event.case is None and event.seq > last)
 
     @property
+    def broken_off(self) -> tuple[events.Recording, ...]:
+        """Recordings of a case that began after the point of entry, and have no end: the process was killed in them.
+
+        A case that is entered again begins others, so that nobody else ends these.
+        """
+        last = self.boundary.sequence if self.boundary else math.inf
+        return tuple(event for event in self.state.left_open if event.case is not None and event.seq > last)
+
+    @property
     def state(self) -> RunState:
         """What its events tell, void ones included."""
         return fold(line.event for line in (*self.head, *self.lines))
