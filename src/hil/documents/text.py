@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from hil.documents.findings import Findings
-from hil.documents.node import Place
 from hil.documents.snapshot import current_snapshot
-from hil.model.errors import Refused
+from hil.model.errors import Finding, Refused
+
+if TYPE_CHECKING:  # every command shows text, and few read documents
+    from hil.documents.findings import Findings
 
 __all__ = [
     "MOST_BYTES",
@@ -113,13 +115,14 @@ def read_bytes(file: Path, shown: str, findings: Findings) -> bytes | None:
         if snapshot is not None and file in snapshot:
             return snapshot.take(file)
         if not file.is_file():
-            findings.add(Place(path=shown), "the file is missing" if not file.exists() else "this is not a file")
+            message = "the file is missing" if not file.exists() else "this is not a file"
+            findings.repeat(Finding(shown, 0, 0, message))
             return None
         with file.open("rb") as stream:
             data = stream.read(MOST_BYTES + 1)
         return data if snapshot is None else snapshot.keep(file, data)
     except OSError as error:
-        findings.add(Place(path=shown), f"cannot be read: {error.strerror}")
+        findings.repeat(Finding(shown, 0, 0, f"cannot be read: {error.strerror}"))
         return None
 
 
@@ -129,14 +132,13 @@ def decoded(data: bytes, shown: str, findings: Findings) -> str | None:
     Anything that cannot be read safely becomes a finding, and the text is None.
     """
     if len(data) > MOST_BYTES:
-        findings.add(Place(path=shown), f"the file is larger than {MOST_BYTES} bytes")
+        findings.repeat(Finding(shown, 0, 0, f"the file is larger than {MOST_BYTES} bytes"))
         return None
     try:
         text = data.decode("utf-8")
     except UnicodeDecodeError as error:
-        findings.add(
-            _place_of_byte(data, error.start, shown), f"not UTF-8 at byte {error.start}, save the file as UTF-8"
-        )
+        message = f"not UTF-8 at byte {error.start}, save the file as UTF-8"
+        findings.repeat(Finding(shown, *_place_of_byte(data, error.start), message))
         return None
     text = text.removeprefix(_BYTE_ORDER_MARK).replace("\r\n", "\n").replace("\r", "\n")
     if not hidden_character(text):
@@ -144,12 +146,13 @@ def decoded(data: bytes, shown: str, findings: Findings) -> str | None:
     for number, line in enumerate(text.split("\n"), 1):
         match = hidden_character(line)
         if match:
-            place = Place(path=shown, line=number, column=match.start() + 1)
-            findings.add(place, f"character U+{ord(match[0]):04X} is not allowed, remove it")
+            message = f"character U+{ord(match[0]):04X} is not allowed, remove it"
+            findings.repeat(Finding(shown, number, match.start() + 1, message))
     return None
 
 
-def _place_of_byte(data: bytes, offset: int, shown: str) -> Place:
+def _place_of_byte(data: bytes, offset: int) -> tuple[int, int]:
+    """Return line and column of a byte, from 1 on."""
     line_start = data.rfind(b"\n", 0, offset) + 1
     column = len(data[line_start:offset].decode("utf-8", errors="replace")) + 1
-    return Place(path=shown, line=data.count(b"\n", 0, offset) + 1, column=column)
+    return data.count(b"\n", 0, offset) + 1, column

@@ -85,6 +85,10 @@ class RunSummary:
     added: tuple[Note | Attachment | Anomaly, ...] = ()
 
 
+_SEEN = tuple(each.name for each in fields(RunSummary) if each.name in Seen.__struct_fields__)
+"""What an index tells of a run."""
+
+
 def run_folders(reports: Path) -> list[Path]:
     """Return the folder of every run in the folder of reports, the newest last; folders with a point are no runs.
 
@@ -132,7 +136,7 @@ def _known_again(folder: Path, key: str, index: Index, seals: Seals) -> RunSumma
         if against.findings:
             return None
     index.keep(folder, seen)
-    told = {each.name: getattr(seen, each.name) for each in fields(RunSummary) if each.name in Seen.__struct_fields__}
+    told = {name: getattr(seen, name) for name in _SEEN}
     return RunSummary(folder=folder, **{**told, "state": State(seen.state)})
 
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import stat
 from pathlib import Path
 
 import hil
@@ -60,15 +59,14 @@ def _looked_at(root: str, only: str = "") -> list[str] | None:
         while pending:
             with os.scandir(pending.pop()) as found:
                 for entry in found:
-                    if only and not entry.is_dir() and not entry.name.endswith(only):
-                        continue
-                    its = entry.stat(follow_symlinks=False)
-                    kind = stat.S_IFMT(its.st_mode)
-                    if kind == stat.S_IFDIR:
+                    if entry.is_dir(follow_symlinks=False):
                         pending.append(entry.path)
                         if not only:
                             told.append(f"{entry.path}/\n")
-                    elif kind == stat.S_IFREG:
+                    elif only and not entry.name.endswith(only):
+                        continue
+                    elif entry.is_file(follow_symlinks=False):
+                        its = entry.stat(follow_symlinks=False)
                         times = f"{its.st_mtime_ns} {its.st_ctime_ns}"
                         told.append(f"{entry.path}\0{its.st_size} {times} {its.st_ino} {its.st_dev}\n")
                     elif not only:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import sys
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
@@ -94,10 +95,10 @@ def _width() -> int:
 
 def _lines(runs: Sequence[RunSummary], width: int) -> Iterator[str]:
     """Give a line per run, in columns; where they do not fit, the name gets a line of its own."""
-    from hil.guardian.latch import latch_files  # noqa: PLC0415 - heavy
+    from hil.guardian.latch import latch_files, read  # noqa: PLC0415 - heavy
     from hil.report.tables import aligned  # noqa: PLC0415 - heavy
 
-    latched = bool(latch_files())
+    latched = {Path(latch.run).name for latch in map(read, latch_files()) if latch and latch.run}
     rows = [_cells(run) for run in runs]
     lines = aligned(rows)
     narrow = max(map(len, lines), default=0) > width
@@ -109,7 +110,7 @@ def _lines(runs: Sequence[RunSummary], width: int) -> Iterator[str]:
             yield line
         if run.problem:
             yield f"  {_printable(run.problem)}"
-        if (latched or run.state != "SEALED") and (latch := latch_word(run.folder)):
+        if (run.folder.name in latched or run.state != "SEALED") and (latch := latch_word(run.folder)):
             yield f"  {_printable(latch)}"
 
 

@@ -96,7 +96,11 @@ def known(ledger: Ledger, *, run: str, folder: str, evidence: str, before: str =
     named = [each for each in sealed if each.run in {run, folder}]
     entry = next((each for each in sealed if (each.run, each.evidence) == (run, evidence)), None)
     findings = [*_other_digests(named, run, evidence), *_other_names(sealed, run, evidence)]
-    if entry and before not in {"", ZERO, *ledger.hashes[: entry.seq]}:
+    if (
+        entry
+        and before not in {"", ZERO, *ledger.hashes[: entry.seq][-1:]}
+        and before not in ledger.hashes[: entry.seq]
+    ):
         findings.append(
             Finding("data/journal.jsonl", 0, 0, f"it names the ledger's head {before}, which the ledger never had")
         )

@@ -87,4 +87,6 @@ def _looked_at(folder: Path, here: str) -> Iterator[tuple[str, int]]:
 
 def shown(path: str) -> str:
     """Return a text as it can be printed anywhere: what is not a text, or moves a terminal's cursor, is escaped."""
+    if path.isprintable():
+        return path
     return "".join(letter if letter.isprintable() else letter.encode("unicode_escape").decode() for letter in path)
