@@ -132,6 +132,10 @@ class _Inertial(Axes):
         self._registers.expect({self.control: 0})
         _rest(self._registers, self.beside)
 
+    def _sample(self) -> tuple[float, ...]:
+        self._await_new(self._is_fresh, self.rate)
+        return super()._sample()
+
     @property
     def rate(self) -> float:
         """Nominal samples per second."""

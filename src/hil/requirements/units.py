@@ -55,6 +55,7 @@ _KINDS = {
 _NOTATION = (
     (re.compile(r"(?:sqrt|√)\s*\(([^()]+)\)"), r"((\1)**0.5)"),
     (re.compile(r"√([A-Za-zµμΩ°%]+)"), r"((\1)**0.5)"),
+    (re.compile(r"(?<=/)(\s*s)2(?![0-9.A-Za-z])"), r"\1**2"),
     (re.compile(r"(?<=[A-Za-z%°Ω)²³])\s*[.·]\s*(?=[A-Za-zµμΩ°(])"), "*"),
 )
 

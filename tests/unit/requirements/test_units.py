@@ -12,11 +12,19 @@ from hil.requirements.units import UnitError, check_unit, compatible, convert, s
     ["deg/s/sqrt(Hz)", "deg/s/√Hz", "deg/√(h)", "√Hz", "W.h", "W·h", "A.h", "mAh", "Wh", "uT", "µT", "LSB", "counts",
      "ohm", "kohm", "Ω", "k\N{OHM SIGN}", "mA", "degC", "°C", "K", "delta_degC", "1", "%", "ppm/K", "LSB/(deg/s)",
      "V^(1/2)", "m*s**-2", "m^-1", "s⁻¹", "V/Hz**0.5", "(m/s)**2", "sqrt(Hz)", "deg / s", "kg.m²/s",
-     "deg/s/degC", "nT/√Hz", "m/s²", "V^2", "V**2", "1/s", "min", "d", "ms", "dps", "rpm", "lx", "g0"],
+     "deg/s/degC", "nT/√Hz", "m/s²", "m/s2",
+     "deg/s2", "V^2", "V**2", "1/s", "min", "d", "ms", "dps", "rpm", "lx", "g0"],
 )  # fmt: skip
 def test_units_parse_as_people_write_them(unit):
     """The notation of data sheets and requirements is understood."""
     assert check_unit(unit) is None
+
+
+def test_seconds_squared_are_written_as_on_a_keyboard():
+    """As accelerations are written on drawings and in bench files; no other unit has a number in its name."""
+    assert convert(2.0, "m/s2", "m/s²") == convert(2.0, "m/s2", "m/s^2") == 2.0
+    assert convert(1.0, "g0", "m/s2") == pytest.approx(9.80665)
+    assert all(isinstance(check_unit(unit), str) for unit in ("m/s3", "m/A2", "s2", "m/s2.5", "m2"))
 
 
 @pytest.mark.parametrize("unit", ["", " ", "furlong", "V/", "()", "3 V", "2", "V**", "a" * 100, "__import__", "V;A"])

@@ -106,8 +106,8 @@ class Axes(Sensor):
         self._sampling = sampling
         self._full_scale = full_scale
         self._bandwidth = bandwidth
-        self._stillness = Stillness(self._device, sampling.axes, sampling.noise)
         self._judged = 0.0
+        self._judge_anew()
 
     @reads
     def temperature(self) -> Figure:
@@ -160,7 +160,8 @@ class Axes(Sensor):
 
     def _judge_anew(self) -> None:
         """Forget the samples from before a start."""
-        self._stillness = Stillness(self._device, self._sampling.axes, self._sampling.noise)
+        patience = max(1.0, self._sampling.rate / (2.0 * self._bandwidth))
+        self._stillness = Stillness(self._device, self._sampling.axes, self._sampling.noise, patience)
         self._judged = 0.0
 
     def _read_outputs(self) -> tuple[int, tuple[int, ...]]:
