@@ -598,6 +598,200 @@ def heavy_tails():
     return table(times(), values)
 
 
+# What changes on the way
+
+
+@kind("a reset: the bias jumps by three standard deviations", truth=0.0, figure=slow_noise)
+def jump():
+    return table(times(), noise() + 0.3 * (np.arange(COUNT) > 1500))
+
+
+@kind("noise that is 1.4 times as large from the middle on")
+def louder():
+    values = noise()
+    values[2000:] = 0.05 + 1.4 * (values[2000:] - 0.05)
+    return table(times(), values)
+
+
+@kind("a resolution that changes half way")
+def coarser():
+    values = noise()
+    values[2000:] = np.rint(values[2000:] / 0.3) * 0.3
+    return table(times(), values)
+
+
+@kind("100 Hz, and 110 Hz from the middle on", truth=None)
+def two_rates():
+    return table(np.r_[times(2000), 20 + times(2000, 110)], noise())
+
+
+@kind("two rates of other noise that change places half way", (*ALLAN, "--columns", "x"))
+def swapped_rates():
+    first, second = noise(), 5.0 + 3.0 * noise(seed=2)
+    late = np.arange(COUNT) >= 2000
+    return table(times(), np.where(late, second, first), np.where(late, first, second), head="t,x,y")
+
+
+@kind("time and rate that change places half way")
+def swapped_columns():
+    late = np.arange(COUNT) >= 2000
+    return table(np.where(late, noise(), times()), np.where(late, times(), noise()))
+
+
+@kind("one axis of three that saturates")
+def one_axis_saturates():
+    return table(times(), noise(), np.clip(noise(seed=2), -0.1, 0.1), noise(seed=3), head="t,x,y,z")
+
+
+@kind("signed counts of 16 bits read as unsigned", truth=1000 * TRUTH)
+def unsigned():
+    return table(times(), np.rint(1000 * noise() - 50).astype(int) % 65536)
+
+
+@kind("counts of 16 bits that overflow now and then", truth=1000 * TRUTH)
+def overflowing():
+    return table(times(), (np.rint(1000 * noise() + 32500).astype(int) + 32768) % 65536 - 32768)
+
+
+@kind("counts of 16 bits with their bytes in the other order", truth=1000 * TRUTH)
+def other_order():
+    return table(times(), np.rint(1000 * noise()).astype(">i2").view("<i2"))
+
+
+@kind("-999 where a sample is missing")
+def minus_999():
+    return table(times(), np.where(np.arange(COUNT) % 97 == 5, -999.0, noise()))
+
+
+# How it is written
+
+
+@kind("bytes of zero behind the last row")
+def zeros_behind():
+    return even().encode() + bytes(4096)
+
+
+@kind("a block of zero bytes in the middle")
+def zeros_within():
+    whole = even().encode()
+    return whole[:60000] + bytes(512) + whole[60000:]
+
+
+@kind("a byte order mark of UTF-8")
+def marked():
+    return b"\xef\xbb\xbf" + even().encode()
+
+
+@kind("UTF-16")
+def utf_16():
+    return even().encode("utf-16")
+
+
+@kind("microseconds in the letters of Windows")
+def windows():
+    return table(times() * 1e6, noise(), head="t [µs],x [°/s]").encode("cp1252")
+
+
+@kind("decimal commas from the middle on", truth=None)
+def mixed_signs():
+    lines = even().replace(",", ";").splitlines(keepends=True)
+    return "".join(lines[:2000]) + "".join(lines[2000:]).replace(".", ",")
+
+
+@kind("two columns of one name", (*ALLAN, "--columns", "x"), truth=None)
+def two_names():
+    return table(times(), noise(), noise(seed=2), head="t,x,x")
+
+
+@kind("two logs in one file, each with its names")
+def two_logs():
+    return even() + even()
+
+
+@kind("time that runs backwards all along")
+def backwards():
+    return table(times()[::-1], noise())
+
+
+@kind("a line of units that contradicts --unit")
+def contradicting_units():
+    return table(times() * 1e3, 1e3 * noise(), head="t,x\nms,mdps")
+
+
+@kind("comments between the rows, and one below the names")
+def comments():
+    lines = table(times(), noise()).splitlines(keepends=True)
+    return lines[0] + "# written, by hand\n" + "# still, at rest\n".join(lines[1:])
+
+
+@kind("a remark of the logger between the rows")
+def remark():
+    lines = even().splitlines(keepends=True)
+    return "".join(lines[:1500]) + "sensor reset\n" + "".join(lines[1500:])
+
+
+@kind("an axis without a single value")
+def axis_empty():
+    return table(times(), noise(), [""] * COUNT, head="t,x,y")
+
+
+@kind("an axis that is missing from the middle on", truth=None)
+def axis_ends():
+    lines = table(times(), noise(), noise(seed=2), head="t,x,y").splitlines()
+    return "\n".join(lines[:2000] + [line.rpartition(",")[0] for line in lines[2000:]])
+
+
+@kind("cells without a value now and then", truth=None)
+def cells_empty():
+    lines = even().splitlines()
+    return "\n".join(line.partition(",")[0] + "," if place % 97 == 5 else line for place, line in enumerate(lines))
+
+
+@kind("a separator at the end of each row, and none below the names")
+def separator_behind():
+    return even().replace("\n", ",\n").replace("t,x,", "t,x", 1)
+
+
+@kind("numbers in quotes")
+def quoted():
+    return "".join(f'"{line.replace(",", chr(34) + "," + chr(34))}"\n' for line in even().splitlines())
+
+
+@kind("thousands with a comma, in quotes", truth=None)
+def thousands():
+    return table([f'"{each * 1e3:,.0f}"' for each in times()], noise(), head="t_ms,x")
+
+
+@kind("lines of 20,000 characters", (*ALLAN, "--columns", "x"))
+def long_lines():
+    return table(times(), noise(), ["z" * 20_000 if n % 400 == 3 else "a" for n in range(COUNT)], head="t,x,note")
+
+
+@kind("an hour that is lived twice as summer ends")
+def summer_ends():
+    return table([f"2026-10-25T{_clock(10790 + s - 3600 * (s >= 10))}" for s in times()], noise())
+
+
+@kind("an hour that is left out as summer begins")
+def summer_begins():
+    return table([f"2026-03-29T{_clock(7190 + s + 3600 * (s >= 10))}" for s in times()], noise())
+
+
+@kind("a leap second")
+def leap_second():
+    def told(since):
+        if 10 <= since < 11:
+            return f"2016-12-31T23:59:60{since - 10:.3f}".replace("600.", "60.")
+        return f"2016-12-31T{_clock(86390 + since)}" if since < 10 else f"2017-01-01T{_clock(since - 11)}"
+
+    return table([told(each) for each in times()], noise())
+
+
+@kind("a day of 12 hours with AM and PM")
+def twelve_hours():
+    return table([_clock((43190 + s) % 43200) + (" AM" if s < 10 else " PM") for s in times()], noise())
+
+
 # Spectra
 
 
@@ -724,6 +918,35 @@ def counts():
     return table(np.rint(warm * 340 + 12420), means, head="T,x")
 
 
+@kind("temperatures in Fahrenheit, as the column's name says", (*GYROSCOPE, "--uncertainty", "0.002"), SLOPE, slope)
+def fahrenheit():
+    warm, means = temperatures()
+    return table(1.8 * warm + 32, means, head="T,x\n°F,deg/s")
+
+
+@kind("means in mdeg/s, as a line of units says", (*GYROSCOPE, "--uncertainty", "0.002"), SLOPE, slope)
+def means_milli():
+    warm, means = temperatures()
+    return table(warm, 1e3 * means, head="T,x\ndegC,mdeg/s")
+
+
+@kind("temperature and means mixed up", (*GYROSCOPE, "--uncertainty", "0.002"), SLOPE, slope)
+def mixed_up():
+    warm, means = temperatures()
+    return table(means, warm, head="T,x")
+
+
+@kind("a last row that is torn off within its mean", (*GYROSCOPE, "--uncertainty", "0.002"), SLOPE, slope)
+def torn_mean():
+    return celsius()[:-6]
+
+
+@kind("a mean of 1e300", (*GYROSCOPE, "--uncertainty", "0.002"), SLOPE, slope)
+def mean_huge():
+    warm, means = temperatures()
+    return table(warm, np.where(np.arange(means.size) == 9, 1e300, means), head="T,x")
+
+
 @kind("an axis that never moves", (*GYROSCOPE, "--uncertainty", "0.002"), None, slope)
 def axis_still():
     warm, means = temperatures()
@@ -764,6 +987,11 @@ def rates_radians():
 @kind("readings in rad/s", TURNED, 1.01, gains)
 def readings_radians():
     return turned(readings=math.pi / 180.0)
+
+
+@kind("readings of half the range that was set", TURNED, 1.01, gains)
+def half_range():
+    return turned(readings=2.0)
 
 
 @kind("rates of the wrong sign", TURNED, 1.01, gains)
@@ -1022,6 +1250,51 @@ def battery_idle():
 @kind("a cell's log with decimal commas, and a line of units", BATTERY, AH, capacity)
 def battery_commas():
     return battery_even().replace(",", ";").replace(".", ",").replace("T\n", "T\ns;V;A;\n", 1)
+
+
+@kind("a cell's last row that is torn off within its voltage", BATTERY, AH, capacity)
+def battery_torn():
+    return battery_even() + "17400,3.2"
+
+
+@kind("a cell's log with bytes of zero behind it", BATTERY, AH, capacity)
+def battery_zeros():
+    return battery_even().encode() + bytes(300)
+
+
+@kind("a cell's rows twice", BATTERY, AH, capacity)
+def battery_twice():
+    return f"{HEAD}\n" + "".join(2 * line for line in battery_even().splitlines(keepends=True)[1:])
+
+
+@kind("a cell's voltage and current mixed up", BATTERY, AH, capacity)
+def battery_mixed_up():
+    time, voltage, current, warm = cell()
+    return table(time, current, voltage, warm, head=HEAD)
+
+
+@kind("a cell's voltage and current that change places half way", BATTERY, AH, capacity)
+def battery_swaps():
+    time, voltage, current, warm = cell()
+    late = time >= 9000
+    return table(time, np.where(late, current, voltage), np.where(late, voltage, current), warm, head=HEAD)
+
+
+@kind("a cell's hour that is lived twice as summer ends", BATTERY, AH, capacity)
+def battery_summer():
+    time, *others = cell()
+    return table([f"2026-10-25T{_clock(3600 + s - 3600 * (s >= 7200))}" for s in time], *others, head=HEAD)
+
+
+@kind("a cell's current that is clipped at 0.6 A", BATTERY, AH, capacity)
+def battery_clipped():
+    time, voltage, current, warm = cell()
+    return table(time, voltage, np.clip(current, -0.6, 0.6), warm, head=HEAD)
+
+
+@kind("a cell's temperature that is missing", BATTERY, AH, capacity)
+def battery_cold():
+    return "".join(line.rpartition(",")[0] + ",\n" for line in battery_even().splitlines()).replace("I,", "I,T", 1)
 
 
 def all_said() -> dict[str, Said]:

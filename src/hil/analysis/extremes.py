@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from hil.analysis.gates import Facts, Gate, numbers, present
 
-__all__ = ["resolved", "rounding", "saturated", "spikes"]
+__all__ = ["averaged", "resolved", "robust", "rounding", "saturated", "spikes", "step_of"]
 
 _Array: TypeAlias = NDArray[np.float64]
 
@@ -56,7 +56,7 @@ def _clipped(channel: str, values: _Array) -> Gate:
         return unknown
     quarters = np.quantile(here[:: max(1, here.size // _ENOUGH_FOR_QUARTERS)], (0.25, 0.75))
     width = float(quarters[1] - quarters[0]) * _NEAR_END
-    step = _step(here) or 0.0
+    step = step_of(here) or 0.0
     for end in (float(here.max()), float(here.min())):
         reason = ""
         if step > width and _cut_off(here, end, step):
@@ -97,19 +97,19 @@ def spikes(channel: str, values: _Array) -> Gate:
 
     Averages over 1, 4, 16 and 64 samples are held against the mean of their two neighbours; s is the robust scatter of
     these differences. White noise passes the limit of about 7 s once in a million records. What stands in a
-    neighbourhood that is as restless is motion, and no spike. Many samples beyond 4 s trip as well: then the noise is
-    not one noise.
+    neighbourhood that is as restless is motion, and no spike. Samples beyond 3 s that hold more of the power than a
+    tail of white noise trip as well: then the noise is not one noise.
     """
     name = "spikes"
-    step = _step(values) or 0.0
+    step = step_of(values) or 0.0
     reason = ""
     means = values
     for width, finer in zip(_WIDTHS, (1, *_WIDTHS), strict=False):
-        means = _averaged(means, width // finer)
+        means = averaged(means, width // finer)
         if means.size < (_ENOUGH if width == 1 else 4 * _ENOUGH):
             break
         count = means.size - 2
-        scatter = max(_robust(means), 0.5 * step / width)
+        scatter = max(robust(means), 0.5 * step / width)
         if not scatter > 0.0:
             continue
         limit = math.sqrt(2.0 * math.log(means.size / _BY_CHANCE))
@@ -139,7 +139,7 @@ def spikes(channel: str, values: _Array) -> Gate:
     return Gate(name=name, channel=channel, ok=True, reason=reason)
 
 
-def _averaged(values: _Array, width: int) -> _Array:
+def averaged(values: _Array, width: int) -> _Array:
     """Return the means of so many samples each."""
     if width == 1:
         return values
@@ -151,7 +151,7 @@ def _averaged(values: _Array, width: int) -> _Array:
     return means
 
 
-def _robust(values: _Array) -> float:
+def robust(values: _Array) -> float:
     """Return the robust scatter of samples from the mean of their neighbours; of many, some are looked at."""
     every = max(1, (values.size - 2) // 100_000)
     looked = values[1:-1:every] - 0.5 * (values[:-2:every] + values[2::every])
@@ -189,7 +189,7 @@ def rounding(values: _Array, facts: Facts) -> float:
 
     Rounding adds a variance of q^2 / 12 to that of the noise before it.
     """
-    lsb = facts.lsb or _step(values)
+    lsb = facts.lsb or step_of(values)
     if lsb is None:
         return 0.0
     power, count = _moves(values)
@@ -212,7 +212,7 @@ def _moves(values: _Array) -> tuple[float, int]:
     return power, count
 
 
-def _step(values: _Array) -> float | None:
+def step_of(values: _Array) -> float | None:
     """Return the step of readings that are whole multiples of one, None if the first of them show none."""
     looked = present(values[:_MOST_LEVELS])
     if looked.size < min(_MOST_LEVELS, values.size):
@@ -236,7 +236,7 @@ def resolved(channel: str, values: NDArray[np.float64], facts: Facts) -> Gate:
     Then the noise of the readings does not follow sqrt(s^2 + q^2 / 12) any more, may vanish, and averaging does not
     help. s is taken from differences of neighbours, so that drift does not count as noise.
     """
-    lsb = facts.lsb or _step(values)
+    lsb = facts.lsb or step_of(values)
     if lsb is None:
         return Gate(name="resolved", channel=channel, ok=None, reason="what one count is worth is not known")
     power, count = _moves(values)

@@ -41,6 +41,8 @@ _MODULI = (
 )  # fmt: skip
 _NEAR = 0.6  # of an interval: a wrapped counter goes on as it would have
 _MOVED = 16  # places: rows that stand further from theirs were not swapped by two threads
+_PARTS, _LEAST, _LOOKED_AT = 8, 20, 4096  # parts whose rates are compared, intervals that tell one, and are looked at
+_SAME_RATE, _SURE = 0.02, 8.0  # of the rate, and standard deviations of it: by less rates do not differ
 _NAMED = 10  # samples that a gate names
 
 
@@ -115,7 +117,7 @@ def timeline(
     seconds = raw - raw[:1]
     seconds *= TIME_UNITS[unit]
     report, places = placed(seconds)
-    gates.append(_likely(report, unit, typed=typed))
+    gates += [_likely(report, unit, typed=typed), _one_rate(seconds, report)]
     remarks += _remarks(report)
     return Timeline(
         seconds=seconds, rows=rows, places=places, report=report, gates=tuple(gates), remarks=tuple(remarks)
@@ -209,6 +211,25 @@ def _likely(report: SamplingReport, unit: str, *, typed: bool) -> Gate:
             other = "us" if interval < 2e6 else "ns"
         reason += f", is unlikely: type --time-unit {other} if they are in {other}, --time-unit {unit} if it is right"
     return Gate(name="time_unit", channel="", ok=ok, reason=reason)
+
+
+def _one_rate(seconds: _Array, report: SamplingReport) -> Gate:
+    """Trip where the usual interval of one eighth differs from that of another by 2 %, and by more than chance."""
+    usual, spread = [], 0.0
+    for part in np.array_split(seconds, _PARTS):
+        begin = max(0, (part.size - _LOOKED_AT) // 2)
+        steps = np.diff(part[begin : begin + _LOOKED_AT])
+        steps = steps[steps > 0.0]
+        if steps.size < _LEAST:
+            break
+        usual.append(float(np.median(steps)))
+        spread = max(spread, 1.86 * float(np.median(np.abs(steps - usual[-1]))) / math.sqrt(steps.size))
+    if len(usual) < _PARTS or report.rounded or report.burst > 1.0:
+        return Gate(name="one_rate", channel="", ok=None, reason="the times do not tell whether the rate changes")
+    shortest, longest = min(usual), max(usual)
+    reason = f"{1.0 / longest:.4g} to {1.0 / shortest:.4g} Hz in the eighths of the record"
+    ok = longest - shortest <= _SAME_RATE * shortest + _SURE * spread
+    return Gate(name="one_rate", channel="", ok=ok, reason=reason if ok else f"the rate changes: {reason}")
 
 
 def _remarks(report: SamplingReport) -> list[str]:

@@ -23,24 +23,13 @@ from hil.model.errors import Refused
 
 __all__ = ["Reading", "Table", "read"]
 
-
-def _are_units(cells: Sequence[str]) -> bool:
-    return all(cell.strip("[]()").casefold() in _UNITS for cell in cells)
-
-
-_UNITS = frozenset(
-    {
-        *("", "s", "ms", "us", "h", "min", "d", "v", "mv", "a", "ma", "ua", "ah", "mah", "wh", "mwh", "w", "mw"),
-        *("degc", "°c", "c", "k", "ohm", "mohm", "%", "-", "#"),
-    }
-)
-"""What may stand below the columns' names."""
 _CLOCK = re.compile(r"\d:\d\d")
 _AS_TIMES = "write times as seconds, hh:mm:ss.sss, or 2026-01-31T23:59:59.9"
 _SAMPLE = 400  # lines from which the layout is recognised
 _BLOCK = 1 << 18  # bytes that are read at once: they and what is found in them stay in the processor's cache
 _TAIL = 1 << 14  # bytes at the end of a file: what a last line without its end is compared with
 _FEWEST, _ENOUGH = 4, 20  # rows above it that may raise a doubt, and that tell
+_SHOWN = 40  # characters of a cell in an error
 _ODD = 0.1  # of the cells of a block: with more that are not plain, lines are read one by one
 _MARKS = tuple({mark[0] for mark in COMMENT_MARKS})
 
@@ -109,19 +98,31 @@ def read(
     """
     try:
         _refuse_binary(path)
-        with path.open(encoding="utf-8-sig", errors="replace") as file:
-            layout = recognise(list(islice(file, _SAMPLE)))
+        layout = recognise(_sample(path))
         if layout is None:
             raise Refused(f"{path}: no row of numbers in the first {_SAMPLE} lines", "is this a table of samples?")
         leading = [_place(path, layout, first)] if first else []
         chosen = [_place(path, layout, column) for column in columns]
-        others = chosen or [each for each in range(layout.width) if each not in leading]
+        others = chosen or [each for each in range(layout.width) if each not in leading and each not in layout.empty]
         special = {_place(path, layout, column): reading for column, reading in readings.items()}
         if leading and clock and not _starts_with_number(path, layout, leading[0]):
             special[leading[0]] = Reading(number=Clock(), what="time", hint=_AS_TIMES)
-        return _rows(path, layout, leading + others, special, clocked=bool(leading) and leading[0] in special)
+        left = [layout.title(each) for each in sorted(layout.empty) if layout.names and layout.names[each]]
+        remarks = [] if chosen else [f"column {name} is empty, and left out" for name in left]
+        clocked = bool(leading) and leading[0] in special
+        return _rows(path, layout, leading + others, special, remarks=remarks, clocked=clocked)
     except OSError as error:
         raise Refused(f"{path}: {error.strerror}", "name a text table that can be read") from None
+
+
+def _sample(path: Path) -> list[str]:
+    """Return the first lines; where they are not UTF-8, as Windows writes its western letters."""
+    with path.open(encoding="utf-8-sig", errors="replace") as file:
+        lines = list(islice(file, _SAMPLE))
+    if not any("\ufffd" in line for line in lines):
+        return lines
+    with path.open(encoding="cp1252", errors="replace") as file:
+        return list(islice(file, _SAMPLE))
 
 
 def _refuse_binary(path: Path) -> None:
@@ -134,7 +135,7 @@ def _refuse_binary(path: Path) -> None:
 
 
 def _place(path: Path, layout: Layout, column: str) -> int:
-    if column in layout.names:
+    if column and column in layout.names:
         return layout.names.index(column)
     if column.isdecimal() and 1 <= int(column) <= layout.width:
         return int(column) - 1
@@ -145,8 +146,16 @@ def _place(path: Path, layout: Layout, column: str) -> int:
     )
 
 
-def _rows(path: Path, layout: Layout, chosen: list[int], special: Mapping[int, Reading], *, clocked: bool) -> Table:
-    rows = _Rows(path=path, layout=layout, chosen=chosen, special=special)
+def _rows(
+    path: Path,
+    layout: Layout,
+    chosen: list[int],
+    special: Mapping[int, Reading],
+    *,
+    remarks: list[str],
+    clocked: bool,
+) -> Table:
+    rows = _Rows(path=path, layout=layout, chosen=chosen, special=special, remarks=remarks)
     with path.open("rb") as file:
         if file.read(len(BOM_UTF8)) != BOM_UTF8:
             file.seek(0)
@@ -349,8 +358,9 @@ def _located(
                         _AS_TIMES if _CLOCK.search(cells[place]) else "mend or remove the line, or choose other columns"
                     )
                     wanted = special.get(place) or Reading(number=float, what="number", hint=usual)
+                    shown = "".join(each if each.isprintable() else "?" for each in cells[place][:_SHOWN])
                     return Refused(
-                        f"{path}:{number}:{column}: '{cells[place]}' in column {place + 1} is not a {wanted.what}",
+                        f"{path}:{number}:{column}: '{shown}' in column {place + 1} is not a {wanted.what}",
                         wanted.hint,
                     )
     return Refused(f"{path}: {error}", "mend the table")

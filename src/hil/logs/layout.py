@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import re
 from collections import Counter
 from collections.abc import Sequence
@@ -14,7 +15,7 @@ COMMENT_MARKS = ("#", "%", "//")
 
 _UNIT = re.compile(
     r"[numkMµμ]?(?:s|sec|V|A|Ah|W|Wh|g|T|G|K|J|N|m|Hz|Pa|rad|[Oo]hm|Ω)"
-    r"|min|h|hr|d|C|F|deg|degC|dps|mdps|mdeg|urad|°|°C|bar|rpm|LSB|counts?|sqrt|%"
+    r"|min|h|hr|d|C|F|deg|degC|degF|°F|dps|mdps|mdeg|urad|°|°C|bar|rpm|LSB|counts?|sqrt|%"
 )
 """The words of a unit, between the signs that join them."""
 
@@ -35,6 +36,7 @@ class Layout:
         units: what a line of units below the names says, without brackets; empty where there is none.
         first: line number of the first row, counted from 1.
         quoted: whether cells stand in double quotes.
+        empty: places of the columns in which no row that was looked at holds anything, counted from 0.
     """
 
     separator: str | None
@@ -44,9 +46,13 @@ class Layout:
     units: tuple[str, ...] = ()
     first: int
     quoted: bool
+    empty: frozenset[int] = frozenset()
 
     def cells(self, line: str) -> list[str]:
         """Return the cells of a line, without quotes and surrounding space."""
+        if self.separator is not None and '"' in line:
+            found = next(csv.reader([line], delimiter=self.separator, skipinitialspace=True), [])
+            return [cell.strip() for cell in found]
         return [cell.strip().strip('"') for cell in line.split(self.separator)]
 
     def title(self, place: int) -> str:
@@ -83,12 +89,16 @@ def recognise(lines: Sequence[str]) -> Layout | None:
 def _placed(lines: Sequence[str], rows: Sequence[str], guess: Layout) -> Layout | None:
     """Find the first row, and the names in the last line above it that has one for each column, each another.
 
-    A line of units below names is not taken for names.
+    A line of units below names is not taken for names, nor a comment below a line that holds them. Columns without
+    anything in them need no name: a separator at the end of each row makes one.
     """
-    counts = Counter(len(guess.cells(line)) for line in rows)
-    width = counts.most_common(1)[0][0]
+    split = [guess.cells(line) for line in rows]
+    width = Counter(map(len, split)).most_common(1)[0][0]
+    whole = [cells for cells in split if len(cells) == width]
+    empty = frozenset(place for place in range(width) if not any(cells[place] for cells in whole))
     names: tuple[str, ...] = ()
     units: tuple[str, ...] = ()
+    commented = True
     for place, line in enumerate(lines):
         cells = guess.cells(line)
         comment = line.lstrip().startswith(COMMENT_MARKS)
@@ -101,15 +111,19 @@ def _placed(lines: Sequence[str], rows: Sequence[str], guess: Layout) -> Layout 
                 units=units,
                 first=place + 1,
                 quoted='"' in line,
+                empty=empty,
             )
         above = guess.cells(line.strip().lstrip("#%/ ")) if comment else cells
+        if len(above) == width - 1 and width - 1 in empty:
+            above = [*above, ""]
         if len(above) != width:
             continue
         told = _units(above) if names else ()
+        named = [cell for number, cell in enumerate(above) if cell or number not in empty]
         if told:
             units = told
-        elif len(set(above)) == width:
-            names, units = tuple(above), ()
+        elif len(set(named)) == len(named) and (commented or not comment):
+            names, units, commented = tuple(above), (), comment
     return None
 
 

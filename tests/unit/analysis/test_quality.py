@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from hil.analysis.changes import jumps, steady, wrapped
 from hil.analysis.extremes import resolved, rounding, saturated, spikes
 from hil.analysis.gates import Facts, stuck
 from hil.analysis.quality import density, density_agrees, judge, tripped
@@ -35,7 +36,7 @@ def test_a_good_recording_passes_every_gate():
     """Nothing trips, and with all facts given nothing is left unjudged."""
     gates = judge(*recording(), FACTS)
     assert [gate for gate in gates if gate.ok is not True] == []
-    assert len(gates) == 7 + 3 * 6 + 2
+    assert len(gates) == 7 + 3 * 9 + 2
     assert all(gate.reason for gate in gates)
 
 
@@ -290,3 +291,42 @@ def test_the_samples_of_a_gate_are_numbered_from_one():
     values = noise()
     values[100:200] = values[100]
     assert stuck("x", values).samples == (101, 200)
+
+
+@pytest.mark.parametrize("height", [1.5, 5.0, -20.0])
+def test_a_mean_that_jumps_and_stays_trips(height):
+    """After a reset; drift, a warm-up, a walk, a knock and a settling as the record begins do not."""
+    place = np.arange(4000)
+    gate = jumps("x", noise() + height * (place > 1500))
+    assert gate.ok is False
+    assert abs(gate.samples[0] - 1501) <= 300
+    knock = noise() + 9.0 * ((place > 1500) & (place < 1540))
+    settling = noise() + 5.0 * np.exp(-place / 100.0)
+    walk = noise() + np.cumsum(noise(seed=4)) / 20.0
+    for values in (noise(), noise() + place / 50.0, 10.0 * np.sin(place / 50.0) + noise(), settling, walk, knock):
+        assert jumps("x", values).ok is True
+    assert jumps("x", noise(400)).ok is None
+
+
+def test_noise_that_changes_trips():
+    """From a place on it is 1.4 times as large; 1.05 times is one noise, and spikes and drift are none."""
+    place = np.arange(4000)
+    gate = steady("x", noise() * np.where(place < 2000, 1.0, 1.4))
+    assert gate.ok is False
+    assert abs(gate.samples[0] - 2001) <= 500
+    for values in (noise() * np.where(place < 2000, 1.0, 1.05), changed([5, 700], 50.0), noise() + place / 9.0):
+        assert steady("x", values).ok is True
+    assert steady("x", np.zeros(4000)).ok is None
+
+
+@pytest.mark.parametrize("count", [1.0, 0.00875])
+def test_counts_that_start_over_trip(count):
+    """Signed counts read as unsigned, counts that overflow, bytes in the other order; a full range does not."""
+    counts = np.rint(300.0 * noise()).astype(int)
+    over = (counts + 32600 + 32768) % 65536 - 32768
+    for values in (counts % 65536, over, counts.astype(">i2").view("<i2")):
+        assert wrapped("x", count * values.astype(float), Facts()).ok is False
+    whole = np.random.default_rng(5).integers(-32768, 32768, 4000)
+    for values in (counts, counts + 32000, whole):
+        assert wrapped("x", count * values.astype(float), Facts(lsb=count)).ok is True
+    assert wrapped("x", noise(), Facts()).ok is None

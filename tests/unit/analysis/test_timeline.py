@@ -84,7 +84,19 @@ def test_the_unit_follows_from_the_name_or_the_size(column, start, unit):
 @pytest.mark.parametrize(("step", "asks"), [(10.0, "ms"), (1e4, "us"), (1e7, "ns"), (1e-6, "h")])
 def test_an_interval_that_no_sensor_has_asks_for_the_unit(step, asks):
     """Only if nobody typed it."""
-    (gate,) = timeline(step * np.arange(100), typed=False).gates
+    gate = timeline(step * np.arange(100), typed=False).gates[0]
     assert gate.ok is False
     assert f"type --time-unit {asks} if" in gate.reason
     assert timeline(step * np.arange(100)).gates[0].ok is True
+
+
+@pytest.mark.parametrize("rate", [90.0, 150.0])
+def test_a_rate_that_changes_half_way_trips(rate):
+    """From 100 Hz; a gap, jitter that adds up and lost samples are no change of rate."""
+    even, generator = np.arange(4000) / 100.0, np.random.default_rng(3)
+    late = np.maximum(np.arange(4000) - 2000, 0)
+    changed = timeline(np.where(late > 0, 20.0 + late / rate, even))
+    assert [gate.name for gate in changed.gates if gate.ok is False] == ["one_rate"]
+    walk = np.cumsum(np.abs(1.0 + generator.standard_normal(4000) / 3.0)) / 100.0
+    for times in (even, even + 7.0 * (late > 0), even[generator.random(4000) > 0.05], walk):
+        assert next(gate for gate in timeline(times).gates if gate.name == "one_rate").ok is not False

@@ -205,3 +205,41 @@ def test_a_line_of_words_below_others_is_taken_for_names(written):
     """A single word that is no unit makes it a line of names, and units alone are names where nothing stands above."""
     assert read(written("my,log\nV,time\n1,2\n")).names == ("V", "time")
     assert read(written("s,V\n1,2\n")).names == ("s", "V")
+
+
+def test_empty_columns_are_left_out_and_need_no_name(written):
+    """A separator at the end of each row; a column that has a name is told."""
+    rows = "".join(f"{row},{row / 8},\n" for row in range(30))
+    for head in ("t,x\n", "t,x,\n"):
+        table = read(written(head + rows), ["x"], first="t")
+        assert table.names == ("t", "x")
+        assert table.remarks == ()
+    table = read(written("t,x,y\n" + rows))
+    assert table.names == ("t", "x")
+    assert table.remarks == ("column y is empty, and left out",)
+
+
+def test_letters_of_windows_are_read(tmp_path):
+    """µ and ° in the names."""
+    path = tmp_path / "log.txt"
+    path.write_bytes("t [µs];x [°/s]\n1;2\n2;3\n".encode("cp1252"))
+    assert read(path).names == ("t [µs]", "x [°/s]")
+
+
+def test_a_comment_below_the_names_does_not_replace_them(written):
+    """Above them it may hold other words, and alone it holds the names."""
+    assert read(written("# a, b\nt,x\n# by, hand\n1,2\n")).names == ("t", "x")
+    assert read(written("# t,x\n1,2\n")).names == ("t", "x")
+
+
+def test_thousands_in_quotes_are_named_with_their_place(written):
+    """They are no separators, and no numbers."""
+    with pytest.raises(Refused, match=r"log.txt:3:1: '1,000' in column 1 is not a number"):
+        read(written('t,x\n"999",1\n"1,000",2\n'))
+
+
+def test_bytes_that_cannot_be_shown_do_not_reach_an_error(written):
+    """A block of zeros, as a file system leaves it after a crash."""
+    rows = "".join(f"{row} {row}\n" for row in range(2000))
+    with pytest.raises(Refused, match=r"'1\?{39}' in column 2 is not a number"):
+        read(written(rows + "2000 1" + "\0" * 500 + "\n2001 3\n"))

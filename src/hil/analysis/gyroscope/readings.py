@@ -21,7 +21,7 @@ _Array: TypeAlias = NDArray[np.float64]
 
 _FOR_GOOD = 86400.0  # s: what flickers slower counts as part of the bias
 _SHORTEST = 5.0  # s: e^-1.5 of 20 s, which is what averaging leaves; of a minute it makes the variance 10 % too large
-_UNLIKE = 2.0  # a gain above this, or below one over it, is no tolerance of a sensor
+_UNLIKE = 1.5  # a gain above this, or below one over it, is no tolerance of a sensor
 _OTHER = 2.0  # times the own gain: another axis responds
 _TOGETHER = 2.0  # K: rates measured within this share one temperature
 
@@ -212,7 +212,7 @@ def _response(axis: str, group: list[Reading], resting: list[Reading], slow: Slo
 def implausible(found: Sequence[Response]) -> tuple[Gate, ...]:
     """Ask every axis that turned whether its gain can be one: of its own rate, in the same unit, with the same sign.
 
-    A gain between 0.5 and 2 is one that a sensor may have. Another one is named where it is that of radians and
+    A gain between 2/3 and 1.5 is one that a sensor may have. Another one is named where it is that of radians and
     degrees, or of a thousandth.
     """
     return tuple(_asked(axis, found) for axis in dict.fromkeys(each.axis for each in found))
@@ -229,7 +229,7 @@ def _asked(axis: str, found: Sequence[Response]) -> Gate:
     if most != axis and abs(gains[most]) > max(_OTHER * abs(own), 1.0 / _UNLIKE):
         reason += f", and {gains[most]:.4g} by {most}: the axis does not move, or is another one"
     elif abs(own) < 1.0 / _UNLIKE or abs(own) > _UNLIKE:
-        reason += f", {factor}" if factor else ": it does not move as it was turned, or its unit is another one"
+        reason += f", {factor}" if factor else ": it does not move as it was turned, or its unit or range is another"
     elif own < 0.0:
         reason += ": the sign of its rates, or of its readings, is wrong"
     else:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from hil.cli.analyses.log import named_units
 from hil.cli.options import unit_option
 from hil.model.errors import Refused
 from hil.model.figure import Figure
@@ -20,6 +22,10 @@ if TYPE_CHECKING:
     from hil.logs.columns import Table
 
 __all__ = ["gyroscope_temperature"]
+
+_OTHER_DEGREES = re.compile(r"(?:^|[\s_\[(/])(°F|degF|F|K|degK|kelvin|fahrenheit)[\])]?\s*$", re.IGNORECASE)
+_LARGEST = 1e100  # beyond this a square is no number any more
+_LEAST_SPAN = 2.0  # K between the temperatures of a table: less tells no dependence
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -113,10 +119,12 @@ def gyroscope_temperature(  # noqa: PLR0913 - one argument per option
         uncertainties=_split(uncertainties),
         uncertainty=uncertainty,
     )
-    readings = _readings(file, columns, names, unit)
+    readings, table = _readings(file, columns, names, unit)
     report = calibrate(readings, reference=reference, rate_uncertainty=rate_uncertainty, margin=margin, degree=degree)
     _checked(report)
-    gates = (*_gates(readings), *implausible(report.responses))
+    report = replace(report, remarks=(*table.remarks, *report.remarks))
+    told = named_units(table.names[1 : 1 + len(names)], unit)
+    gates = (*told, *_gates(readings, table.names[0]), *implausible(report.responses))
     doubted = any(gate.ok is False for gate in gates)
     if not doubted:
         _write(report, export, c_header)
@@ -133,7 +141,8 @@ def _split(text: str | None) -> tuple[str, ...]:
     return tuple(part.strip() for part in text.split(",")) if text else ()
 
 
-def _readings(file: Path, columns: _Columns, names: tuple[str, ...], unit: str) -> list[Reading]:
+def _readings(file: Path, columns: _Columns, names: tuple[str, ...], unit: str) -> tuple[list[Reading], Table]:
+    """Return the rows of the table as readings, and the table."""
     from hil.analysis.gyroscope.readings import Reading  # noqa: PLC0415 - start-up stays light
     from hil.logs.columns import read  # noqa: PLC0415 - start-up stays light
 
@@ -160,10 +169,10 @@ def _readings(file: Path, columns: _Columns, names: tuple[str, ...], unit: str) 
                 rates=dict(zip(names, rates, strict=True)),
             )
         )
-    return readings
+    return readings, table
 
 
-def _gates(readings: Sequence[Reading]) -> tuple[Gate, ...]:
+def _gates(readings: Sequence[Reading], title: str) -> tuple[Gate, ...]:
     """Ask the temperatures and each axis what they read.
 
     Raises:
@@ -171,12 +180,20 @@ def _gates(readings: Sequence[Reading]) -> tuple[Gate, ...]:
     """
     import numpy as np  # noqa: PLC0415 - start-up stays light
 
-    from hil.analysis.gates import celsius, stuck  # noqa: PLC0415 - start-up stays light
+    from hil.analysis.gates import Gate, celsius, stuck  # noqa: PLC0415 - start-up stays light
 
     temperatures = np.array([each.temperature for each in readings])
     axes = {axis: np.array([each.means[axis].value for each in readings]) for axis in readings[0].means}
     still = [replace(stuck(axis, values), name="still") for axis, values in axes.items()]
-    return (celsius("temperature", temperatures, series=False), *still)
+    warm = celsius("temperature", temperatures, series=False)
+    said = _OTHER_DEGREES.search(title)
+    if said is not None and warm.ok is not False:
+        warm = replace(warm, ok=False, reason=f"the name of column '{title}' says {said[1]}; not degrees Celsius")
+    span = float(np.ptp(temperatures))
+    told = f"the temperatures differ by {span:.3g} K"
+    if span < _LEAST_SPAN:
+        told += f", and {_LEAST_SPAN:g} K are needed: is this their column?"
+    return (warm, Gate(name="span", channel="temperature", ok=span >= _LEAST_SPAN, reason=told), *still)
 
 
 def _finite(file: Path, table: Table) -> None:
@@ -186,6 +203,13 @@ def _finite(file: Path, table: Table) -> None:
     if rows.size:
         raise Refused(
             f"{file}: row {rows[0] + 1} has no finite number in column {table.names[places[0]]}",
+            "mend or remove the row",
+        )
+    rows, places = np.nonzero(np.abs(table.values) > _LARGEST)
+    if rows.size:
+        number = table.values[rows[0], places[0]]
+        raise Refused(
+            f"{file}: row {rows[0] + 1} has {number:.3g} in column {table.names[places[0]]}, which cannot be squared",
             "mend or remove the row",
         )
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -31,6 +31,7 @@ __all__ = [
     "gates_as_json",
     "log_as_json",
     "log_options",
+    "named_units",
     "obtain",
     "status",
     "time_unit_option",
@@ -232,7 +233,7 @@ def obtain(wanted: Wanted, parts: str = "averages") -> Log:
     facts = wanted.facts()
     channels = {name: _scaled(wanted, name, values) for name, values in timed.channels.items()}
     sampled = () if timed.report is None else quality.sampled(timed.seconds, timed.report, facts)
-    gates = (*timed.gates, *sampled, *quality.read(channels, facts, timed.rate))
+    gates = (*timed.gates, *sampled, *named_units(channels, wanted.unit), *quality.read(channels, facts, timed.rate))
     coped = _COPED if timed.report is None or timed.report.jitter <= _JITTER else _COPED - {"jitter"}
     if not any((abs(values) == math.inf).any() for values in channels.values()):
         coped |= {"finite"}
@@ -246,7 +247,6 @@ def obtain(wanted: Wanted, parts: str = "averages") -> Log:
         remarks=(
             *table.remarks,
             *timed.remarks,
-            *_named(channels, wanted.unit),
             *_missing(channels, timed.report, parts),
             *_rounded(channels, facts),
         ),
@@ -254,14 +254,15 @@ def obtain(wanted: Wanted, parts: str = "averages") -> Log:
     )
 
 
-def _named(channels: Iterable[str], unit: str) -> Iterator[str]:
-    """Yield a remark for each column whose name ends in another unit than the one that was typed."""
+def named_units(columns: Iterable[str], unit: str) -> tuple[Gate, ...]:
+    """Return a gate that trips for each column whose name ends in another unit than the one that was typed."""
+    from hil.analysis.gates import Gate  # noqa: PLC0415 - start-up stays light
     from hil.requirements.units import same  # noqa: PLC0415 - slow to import
 
-    for name in channels:
-        found = _BRACKETS.search(name)
-        if found is not None and not same(found[1].strip(), unit):
-            yield f"--unit says {unit}, but the name of column '{name}' says {found[1].strip()}: check which is right"
+    found = {name: match[1].strip() for name in columns if (match := _BRACKETS.search(name))}
+    told = {name: f"name of column '{name}' says {other}" for name, other in found.items() if not same(other, unit)}
+    reasons = {name: f"--unit says {unit}, but the {each}: check which is right" for name, each in told.items()}
+    return tuple(Gate(name="unit", channel=name, ok=False, reason=reason) for name, reason in reasons.items())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,0 +1,145 @@
+"""Gates on what must stay as it was: the mean, the noise, and counts that never start over."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.analysis.extremes import averaged, robust, step_of
+from hil.analysis.gates import Facts, Gate, numbers, present
+
+__all__ = ["jumps", "steady", "wrapped"]
+
+_Array: TypeAlias = NDArray[np.float64]
+
+_WIDTHS = (16, 32, 64, 128, 256)  # samples that are averaged before the mean is looked at
+_FEWEST = 30  # averages from which a jump is told
+_BEFORE = 4  # averages before a jump: what settles as a record begins is no jump
+_BY_CHANCE = 1e-6  # records of noise in which one is found
+_AROUND, _WIDEST = 8, 3  # averages on either side of a jump, and how many of them it may take
+_PARTS = 8  # of a record, whose noise is compared
+_LOOKED_AT = 20_000  # samples of a part that tell its noise
+_LOUDER = 1.25  # times: noise that differs by less is one noise
+_SURE = 5.0  # standard deviations beyond which a difference is no chance
+_CUT = 4.0  # standard deviations beyond which a sample counts no more: a spike is no change of noise
+_LEAST = 50  # counts whose bytes are looked at
+_WORDS = (8, 10, 12, 14, 16, 18, 20, 24, 32)  # bits of a count
+_SWAPPED = 8.0  # times less scatter when the bytes are put in the other order
+
+
+def jumps(channel: str, values: _Array) -> Gate:
+    """Trip where the mean jumps and stays there, as after a reset; a random walk and a warm-up do not jump.
+
+    Averages over 16 to 256 samples are held against the last but one. s is the robust scatter of these
+    differences; noise and slow drift pass the limit of about 6 s once in a million records. The neighbours must be
+    quiet.
+    """
+    name, means, width = "jumps", values, 1
+    noise = robust(values) / math.sqrt(1.5) if values.size > _FEWEST else 0.0
+    for wider in _WIDTHS:
+        means, width = averaged(means, wider // width), wider
+        if means.size < _FEWEST:
+            break
+        away = means[2:] - means[:-2]
+        here = present(away)
+        if here.size < _FEWEST // 2:
+            break
+        away -= np.median(here)
+        scatter = max(1.4826 * float(np.median(np.abs(present(away)))), noise * math.sqrt(2.0 / width))
+        limit = math.sqrt(2.0 * math.log(means.size / _BY_CHANCE)) * scatter
+        far = np.flatnonzero(np.abs(away) > limit) if scatter > 0.0 else np.empty(0, dtype=np.intp)
+        for place in far[np.argsort(-np.abs(away[far]))][:_AROUND].tolist():
+            high = abs(float(away[place]))
+            around = np.abs(away[max(0, place - _AROUND) : place + _AROUND + 1])
+            before = present(means[max(0, place - _AROUND) : place + 1])
+            after = present(means[place + 2 : place + 2 + _AROUND])
+            if min(place, before.size, after.size) < _BEFORE:
+                continue
+            stays = abs(float(np.median(after) - np.median(before))) > high / 2.0
+            if stays and int((around > high / 3.0).sum()) <= _WIDEST:
+                number = (place + 1) * width + 1
+                reason = f"the mean jumps by {high:.3g} near sample {number} and stays there"
+                return Gate(name=name, channel=channel, ok=False, reason=reason, samples=(number,))
+    if width == _WIDTHS[0] and means.size < _FEWEST:
+        return Gate(name=name, channel=channel, ok=None, reason="there are too few samples to tell a jump")
+    return Gate(name=name, channel=channel, ok=True, reason="the mean nowhere jumps and stays")
+
+
+def steady(channel: str, values: _Array) -> Gate:
+    """Trip where the noise of one part of a record is 1.25 times that of the rest, and more than chance makes.
+
+    The noise is that of samples against the mean of their neighbours, so that drift plays no part.
+    """
+    name = "steady"
+    power, count = np.zeros(_PARTS), np.zeros(_PARTS)
+    edges = np.linspace(0, values.size, _PARTS + 1).astype(int).tolist()
+    off = [_off(values[begin:end]) for begin, end in itertools.pairwise(edges)]
+    every = np.concatenate(off)
+    middle = 1.4826 * float(np.median(np.abs(every))) if every.size else 0.0
+    if every.size < _PARTS * _PARTS * _PARTS or not middle > 0.0:
+        return Gate(name=name, channel=channel, ok=None, reason="there is too little noise to compare its parts")
+    for part, each in enumerate(off):
+        scatter = 1.4826 * float(np.median(np.abs(each))) if each.size else 0.0
+        kept = each[np.abs(each) <= _CUT * max(scatter, 0.1 * middle)]
+        power[part], count[part] = float(np.einsum("i,i->", kept, kept)), kept.size
+    for cut in range(1, _PARTS):
+        sizes = (float(count[:cut].sum()), float(count[cut:].sum()))
+        sums = (float(power[:cut].sum()), float(power[cut:].sum()))
+        if min(*sizes, *sums) <= 0.0:
+            continue
+        ratio = math.sqrt(sums[1] / sizes[1] / (sums[0] / sizes[0]))
+        chance = math.sqrt(1.0 / sizes[0] + 1.0 / sizes[1])
+        if abs(math.log(ratio)) > max(math.log(_LOUDER), _SURE * chance):
+            number = edges[cut] + 1
+            reason = f"from about sample {number} on the noise is {ratio:.3g} times that before"
+            return Gate(name=name, channel=channel, ok=False, reason=reason, samples=(number,))
+    return Gate(name=name, channel=channel, ok=True, reason="the noise is the same in all parts")
+
+
+def _off(values: _Array) -> _Array:
+    """Return how far samples are off the mean of their neighbours; of many, some are looked at."""
+    if values.size < _PARTS:
+        return np.empty(0)
+    every = max(1, (values.size - 2) // _LOOKED_AT)
+    off = values[1:-1:every] - 0.5 * (values[:-2:every] + values[2::every])
+    return present(off)
+
+
+def wrapped(channel: str, values: _Array, facts: Facts) -> Gate:
+    """Trip where counts start over at the end of their range, or come with their bytes in the wrong order.
+
+    Neighbours then differ by nearly 2^n counts, and by little once 2^n is added or taken off: signed counts that were
+    read as unsigned, or counts that overflow.
+    """
+    name = "wrapped"
+    lsb = facts.lsb or step_of(values)
+    span = float(np.nanmax(values) - np.nanmin(values)) / lsb if lsb is not None and np.isfinite(values).any() else 0.0
+    if lsb is None or not 1.0 <= span < 2.0 ** _WORDS[-1]:
+        return Gate(name=name, channel=channel, ok=None, reason="what one count is worth is not known")
+    modulus = 2.0 ** next(bits for bits in _WORDS if span < 2.0**bits)
+    steps = np.diff(values) / lsb
+    large = np.flatnonzero(np.abs(steps) > modulus / 2.0)
+    if large.size:
+        steps -= modulus * np.rint(steps / modulus)
+        if float(np.nanmax(np.abs(steps))) < modulus / 4.0:
+            reason = f"neighbours differ by nearly {modulus:g} counts {large.size} times, the first is number"
+            reason += f" {large[0] + 2}: signed counts were read as unsigned, or they overflow"
+            return Gate(name=name, channel=channel, ok=False, reason=reason, samples=numbers(large + 1))
+    if _in_other_order(values, lsb):
+        reason = "the counts scatter far less with their two bytes in the other order"
+        return Gate(name=name, channel=channel, ok=False, reason=reason)
+    return Gate(name=name, channel=channel, ok=True, reason="no count starts over")
+
+
+def _in_other_order(values: _Array, lsb: float) -> bool:
+    counts = np.rint(present(values[:_LOOKED_AT]) / lsb)
+    if counts.size < _LEAST or np.abs(counts).max() >= 2.0**16 or np.ptp(counts) < 2.0**8:
+        return False
+    words = counts.astype(np.int64).astype(np.uint16)
+    moves = (np.diff(each.astype(np.int16).astype(np.float64)) for each in (words, words.byteswap()))
+    as_read, other = (float(np.median(np.abs(each))) for each in moves)
+    return _SWAPPED * max(other, 1.0) < as_read
