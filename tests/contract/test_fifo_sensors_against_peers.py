@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from sensor_bench import BOARD_CHIPS, FIFO_CHIPS, Bench
 
-from hil.model.errors import Garbled, NoReply, Refused, Rejected, WrongIdentity
+from hil.model.errors import Garbled, NoReply, Refused
 
 SECOND = 1_000_000_000
 FIFO = pytest.mark.parametrize("chip", FIFO_CHIPS, ids=lambda chip: chip.named)
@@ -24,7 +24,7 @@ def test_a_stream_has_every_sample_at_its_time(chip, board, rate):
     bench.streaming(rate)
     began = bench.clock.now()
     pause = bench.sensor.longest_pause
-    rows = bench.rows(20, pause)
+    rows = bench.rows(min(20.0, 4000.0 / rate), pause)
     period = 1 / 1.01 / rate
     assert len(rows) * period == pytest.approx(bench.clock.now() - began, abs=0.6)
     assert rows[0, 0] == pytest.approx(period, abs=period)
@@ -285,16 +285,7 @@ def test_a_power_cut_loses_the_settings(chip):
 
 @FIFO
 def test_a_garbled_bus_is_found_out(chip):
-    """A start is refused or right; a stream of nonsense is no stream."""
+    """A stream of nonsense is no stream; that a start is refused or right is told of every chip."""
     bench = Bench(chip, faults=[{"kind": "garbled", "from": "1 s"}]).streaming()
     with pytest.raises((Garbled, NoReply)):
         bench.rows(20)
-    for step in range(1, 60):
-        wrong = [{"kind": "garbled", "from": f"{10_000 + step * 50} us", "until": "14 ms"}]
-        bench = Bench(chip, faults=wrong)
-        try:
-            bench.sensor.start()
-        except (NoReply, Garbled, Rejected, WrongIdentity):
-            continue
-        bench.clock.wait_until(SECOND)
-        assert bench.sensor.sample()[3] == pytest.approx(25.0, abs=0.01)
