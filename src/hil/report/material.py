@@ -248,11 +248,18 @@ def demands(entry: Body) -> tuple[str, ...]:
 
 def _limit(limit: Body) -> str:
     bounds = limit_text({name: limit[name] for name in ("min", "max", "equals") if name in limit}, text(limit, "unit"))
-    of = f" [{', '.join(texts(limit, 'of'))}]" if texts(limit, "of") else ""
+    of = f" [{_in_short(texts(limit, 'of'))}]" if texts(limit, "of") else ""
     tur = f", TUR at least {text(limit, 'min_tur')}" if text(limit, "min_tur") else ""
     usual = Decision.SIMPLE if "equals" in limit else Decision.GUARDED  # as the catalogue's reader has it
     rule = f", {text(limit, 'decision') or usual}" if bounds else ""
     return f"{text(limit, 'parameter')}{of} {bounds or 'recorded, without a limit'}{rule}{tur}"
+
+
+def _in_short(names: Sequence[str]) -> str:
+    """Return names as a list; numbers that count up by one as the first and the last of them."""
+    first, last = names[0], names[-1]
+    counts = first.isascii() and first.isdigit() and [*names] == [str(int(first) + step) for step in range(len(names))]
+    return f"{first} to {last}" if counts and len(names) > 2 else ", ".join(names)
 
 
 def _records(records: Body) -> str:

@@ -1,3 +1,4 @@
+import pytest
 import specimen_run
 from typed_events import events_of
 
@@ -121,6 +122,15 @@ def test_every_limit_names_its_decision_rule():
     """The rule that is meant where the catalogue names none is written out; words are compared simply."""
     entry = {"limits": [{"parameter": "u", "unit": "V", "max": "1"}, {"parameter": "winding", "equals": "right"}]}
     assert demands(entry) == ("u ≤ 1 V, guarded", "winding = right, simple")
+
+
+@pytest.mark.parametrize(
+    ("of", "told"),
+    [(["1", "2", "3"], "1 to 3"), (["8", "9", "10"], "8 to 10"), (["1", "2", "4"], "1, 2, 4"), (["x", "y"], "x, y")],
+)
+def test_cycles_that_count_up_are_told_as_a_range(of, told):
+    """Ten cycles are not ten numbers in every line of a requirement."""
+    assert demands({"limits": [{"parameter": "u", "of": of}]}) == (f"u [{told}] recorded, without a limit",)
 
 
 def test_nothing_planned_is_said():
