@@ -332,6 +332,8 @@ class Icm20948Magnetometer(Sensor):
             self._registers.set(off)
             self._registers.expect(off)
 
+        if not _others_run(self):
+            self._first_die.set(_REACHABLE)  # it may sleep already
         self._reached(switch_off)
         if not _others_run(self):
             self._first_die.write(Register.PWR_MGMT_1, _ASLEEP)

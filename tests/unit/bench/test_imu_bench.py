@@ -27,8 +27,10 @@ EXPECTED = {
 
 
 def conversation(bench):
-    """Start every sensor, sample all of them, and put them to sleep; return the samples."""
+    """Put every sensor to sleep that never woke, start all, sample all, and put them to sleep; return the samples."""
     sensors = {name: role for name, role in bench.roles.items() if name != "obc"}
+    for sensor in sensors.values():
+        sensor.stop()
     for sensor in sensors.values():
         sensor.start()
     samples = {}
