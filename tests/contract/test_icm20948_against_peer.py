@@ -146,37 +146,9 @@ def streamed(kind, pauses, **given):
 
 
 @BOTH
-def test_a_stream_is_whole(kind):
-    """Every sample once, at its own time, over both buses."""
-    rows, report, seconds = streamed(kind, [0.25] * 20, truth=ICM20948.truth)
-    assert (report.lost, report.lost_samples) == (0, 0)
-    assert len(rows) == pytest.approx(seconds * 112.5, abs=4)
-    assert rows[:, 0] == pytest.approx(np.arange(1, len(rows) + 1) / 112.5, abs=0.01)
-    assert rows[:, 1:].mean(axis=0) == pytest.approx(ICM20948.expected, abs=0.02)
-
-
-@BOTH
 def test_a_fifo_that_overflows_leaves_time_empty_and_is_counted(kind):
     """64 packets fit; how many came beside them follows from time."""
     rows, report, seconds = streamed(kind, [0.25, 2.0, 0.25, 0.25])
     assert report.lost_samples == pytest.approx(2 * 112.5 - 64, abs=3)
     assert np.diff(rows[:, 0]).max() == pytest.approx(2 - 64 / 112.5, abs=0.03)
     assert rows[-1, 0] == pytest.approx(seconds, abs=0.03)
-
-
-@BOTH
-@pytest.mark.parametrize(
-    ("fault", "said"),
-    [("stuck", "consecutive samples are equal"), ("dead", "no acknowledge"), ("asleep", "it has lost its settings")],
-)
-def test_a_stream_that_fails_says_why(kind, fault, said):
-    """Whatever it is, no more rows come."""
-    with pytest.raises(NoReply, match=f"sensor: .*{said}"):
-        streamed(kind, [0.25] * 20, faults=[{"kind": fault, "from": "2 s"}])
-
-
-def test_saturated_rows_are_no_numbers():
-    """At the rail the true rate is unknown."""
-    rows, *_ = streamed(Bench, [0.25] * 12, faults=[{"kind": "saturated", "from": "1 s", "until": "2 s"}])
-    assert np.isnan(rows[:, 1:4]).all(axis=1).sum() == pytest.approx(112.5, abs=2)
-    assert not np.isnan(rows[:, 4]).any()

@@ -50,6 +50,7 @@ class SensorChip:
         boot: seconds from power-on until it certainly answers.
         capacity: packets that its FIFO holds, 0 for a chip without one; `fifo_off` is as `sleep`.
         by_host: whether the host reads its FIFO itself, also over an OBC.
+        stream: the rate at which it streams unless its wire says otherwise [Hz].
     """
 
     driver: type[SensorDriver]
@@ -73,6 +74,7 @@ class SensorChip:
     capacity: int = 0
     fifo_off: tuple[int, int] = (0, 0)
     by_host: bool = False
+    stream: float = 100.0
 
 
 LIS3MDL = SensorChip(
@@ -173,7 +175,7 @@ ICM20948 = SensorChip(
     strapped=0x69,
     power_on=(0x05, bytes.fromhex("404100")),
     ranges=("250", "500", "1000", "2000"),
-    rates=("4.5", "22.5", "112.5", "225"),
+    rates=("12.5", "45", "112.5", "225"),
     narrow=250.0,
     truth=BIASED | {"temperature": "-16", "temperature_offset": "0.5"},
     expected=(1.5, -20, 0.25, -15.5),
@@ -181,6 +183,10 @@ ICM20948 = SensorChip(
     noisy={"white": ["1", "1", "1"]},
     sleep=(0x06, 0x41),
     boot=0.012,
+    capacity=64,
+    fifo_off=(0x67, 0x00),
+    by_host=True,
+    stream=112.5,
 )
 
 ICM20948_ACCELEROMETER = replace(
@@ -193,6 +199,7 @@ ICM20948_ACCELEROMETER = replace(
     expected=(-9.5, 0.0, 9.80665, -15.5),
     close=0.1,
     noisy={"accelerometer": {"white": ["0.1", "0.1", "0.1"]}},
+    capacity=0,
 )
 
 ICM20948_MAGNETOMETER = replace(
@@ -206,6 +213,7 @@ ICM20948_MAGNETOMETER = replace(
     expected=(48.0, -22.5, 150.0, 40.0),
     close=0.3,
     noisy={},
+    capacity=0,
 )
 
 BNO055 = SensorChip(
@@ -376,10 +384,10 @@ class Bench:
         """Return the bus of the sensor."""
         return BoardBus(self.clock, self.peer) if board else SimulatedBus(self.clock, 400_000, [self.peer])
 
-    def streaming(self, rate=100.0):
+    def streaming(self, rate=None):
         """Return the bench with its sensor streaming."""
         self.sensor.start()
-        self.sensor.begin(rate)
+        self.sensor.begin(rate or self.chip.stream)
         return self
 
     def read(self, register, count=1):

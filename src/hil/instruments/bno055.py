@@ -33,24 +33,10 @@ __all__ = ["Bno055", "Bno055Accelerometer", "Bno055Gyroscope", "Bno055Magnetomet
 class Register(IntEnum):
     """Registers by page (high byte) and number (low byte)."""
 
-    CHIP_ID = 0x00
-    PAGE_ID = 0x07
-    ACC_DATA = 0x08
-    MAG_DATA = 0x0E
-    GYR_DATA = 0x14
-    TEMP = 0x34
-    SYS_STATUS = 0x39
-    SYS_ERR = 0x3A
-    UNIT_SEL = 0x3B
-    OPR_MODE = 0x3D
-    PWR_MODE = 0x3E
-    TEMP_SOURCE = 0x40
-    AXIS_MAP_CONFIG = 0x41
-    AXIS_MAP_SIGN = 0x42
-    ACC_CONFIG = 0x108
-    MAG_CONFIG = 0x109
-    GYR_CONFIG_0 = 0x10A
-    GYR_CONFIG_1 = 0x10B
+    CHIP_ID, PAGE_ID, ACC_DATA, MAG_DATA, GYR_DATA, TEMP = 0x00, 0x07, 0x08, 0x0E, 0x14, 0x34
+    SYS_STATUS, SYS_ERR, UNIT_SEL, OPR_MODE, PWR_MODE = 0x39, 0x3A, 0x3B, 0x3D, 0x3E
+    TEMP_SOURCE, AXIS_MAP_CONFIG, AXIS_MAP_SIGN = 0x40, 0x41, 0x42
+    ACC_CONFIG, MAG_CONFIG, GYR_CONFIG_0, GYR_CONFIG_1 = 0x108, 0x109, 0x10A, 0x10B
 
 
 _CONFIG, _MAGGYRO, _AMG = 0x00, 0x06, 0x07

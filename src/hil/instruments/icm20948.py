@@ -28,7 +28,7 @@ from hil.instruments.sensors.scale import Scale
 from hil.instruments.sensors.sensor import Chip, Sensor, SensorDriver
 from hil.instruments.sensors.stillness import Stillness
 from hil.model.bench import Wire
-from hil.model.errors import NoReply, WrongIdentity
+from hil.model.errors import NoReply
 from hil.model.notation import measured
 
 __all__ = ["Icm20948", "Icm20948Accelerometer", "Icm20948Gyroscope", "Icm20948Magnetometer"]
@@ -39,37 +39,17 @@ _T = TypeVar("_T")
 class Register(IntEnum):
     """Registers by bank (high byte) and number (low byte)."""
 
-    WHO_AM_I = 0x00
-    USER_CTRL = 0x03
-    PWR_MGMT_1 = 0x06
-    PWR_MGMT_2 = 0x07
-    INT_PIN_CFG = 0x0F
-    INT_STATUS_1 = 0x1A
-    INT_STATUS_2 = 0x1B
-    ACCEL_OUT = 0x2D
-    GYRO_OUT = 0x33
-    TEMP_OUT = 0x39
-    FIFO_EN_2 = 0x67
-    FIFO_RST = 0x68
-    FIFO_MODE = 0x69
-    FIFO_COUNT = 0x70
-    FIFO_R_W = 0x72
-    REG_BANK_SEL = 0x7F
-    GYRO_SMPLRT_DIV = 0x200
-    GYRO_CONFIG_1 = 0x201
-    ACCEL_SMPLRT_DIV_1 = 0x210
-    ACCEL_SMPLRT_DIV_2 = 0x211
-    ACCEL_CONFIG = 0x214
+    WHO_AM_I, USER_CTRL, PWR_MGMT_1, PWR_MGMT_2, INT_PIN_CFG = 0x00, 0x03, 0x06, 0x07, 0x0F
+    INT_STATUS_1, INT_STATUS_2, ACCEL_OUT, GYRO_OUT, TEMP_OUT = 0x1A, 0x1B, 0x2D, 0x33, 0x39
+    FIFO_EN_2, FIFO_RST, FIFO_MODE, FIFO_COUNT, FIFO_R_W, REG_BANK_SEL = 0x67, 0x68, 0x69, 0x70, 0x72, 0x7F
+    GYRO_SMPLRT_DIV, GYRO_CONFIG_1 = 0x200, 0x201
+    ACCEL_SMPLRT_DIV_1, ACCEL_SMPLRT_DIV_2, ACCEL_CONFIG = 0x210, 0x211, 0x214
 
 
 class MagnetometerRegister(IntEnum):
     """Registers of the AK09916."""
 
-    WIA2 = 0x01
-    ST1 = 0x10
-    HXL = 0x11
-    CNTL2 = 0x31
-    CNTL3 = 0x32
+    WIA2, ST1, HXL, CNTL2, CNTL3 = 0x01, 0x10, 0x11, 0x31, 0x32
 
 
 _DEVICE_RESET, _ASLEEP, _AWAKE = 0x80, 0x41, 0x01
@@ -85,7 +65,6 @@ _MEANING: Mapping[int, str] = {
     Register.USER_CTRL: "I2C_MST_EN must be off",
     Register.INT_PIN_CFG: "BYPASS_EN is not set",
 }
-_NAME = 0xEA
 
 _BASE_RATE = 1125.0
 _RATES = tuple(_BASE_RATE / divisor for divisor in (250, 125, 90, 50, 25, 15, 10, 9, 5))
@@ -100,7 +79,8 @@ _GYRO_NOISE, _ACCEL_NOISE = 0.015, 230e-6  # one-sided, typical: deg/s/sqrt(Hz),
 _GRAVITY = 9.80665  # m/s2 of a g
 _RAILS = (-32768, 32767)
 # 21 degC and 333.87 counts per degree; beyond -40 and 85 degC it is no temperature of this chip.
-_CELSIUS = Scale(per_unit=333.87, zero=21.0, rails=(-20_367, 21_368))
+_LSB_PER_KELVIN = 333.87
+_CELSIUS = Scale(per_unit=_LSB_PER_KELVIN, zero=21.0, rails=(-20_367, 21_368))
 
 _PACKET = np.dtype([("gyro", ">i2", (3,)), ("temperature", ">i2")])
 _GYRO_AND_TEMPERATURE = 0x0F
@@ -113,8 +93,11 @@ _MAG_NOISE = 2.0  # counts rms, a guess
 
 
 def _decoded(data: bytes) -> Packets:
-    axes = np.frombuffer(data, _PACKET)["gyro"].astype(np.int16)
-    return Packets(axes, np.ones(len(axes), dtype=np.bool_))
+    """Decode packets. They have no header: one whose temperature is far from the others' is none of them."""
+    packets = np.frombuffer(data, _PACKET)
+    warm = packets["temperature"].astype(np.int64)
+    usable = np.abs(warm - np.median(warm)) < _LSB_PER_KELVIN if len(warm) else np.ones(0, dtype=np.bool_)
+    return Packets(packets["gyro"].astype(np.int16), usable)
 
 
 FIFO = Fifo(
@@ -164,7 +147,7 @@ def _chip(role: str) -> Chip:
         model="ICM-20948",
         driver="icm20948",
         role=role,
-        identity=(Register.WHO_AM_I, _NAME),
+        identity=(Register.WHO_AM_I, 0xEA),
         strap="AD0",
         addresses=(0x68, 0x69),
         banks=Banks(register=Register.REG_BANK_SEL, shift=4, most=3),
@@ -303,15 +286,9 @@ class Icm20948Magnetometer(Sensor):
 
     def _identify(self) -> None:
         """Open the way to the magnetometer, then ask for its name; the first die must be the right one, too."""
-        first = self._first_die
-        if (name := first.read(Register.WHO_AM_I)) != _NAME and (not first.bank_lost() or first.read(0) != _NAME):
-            raise WrongIdentity(
-                self._device,
-                f"WHO_AM_I is {name:#04x}, the ICM-20948 has {_NAME:#04x}",
-                "compare the address in the bench file with the board's AD0 strap",
-            )
+        self._require_name(self._first_die, _chip("magnetometer"))
         if not _others_run(self):
-            first.set(_REACHABLE)
+            self._first_die.set(_REACHABLE)
         self._reached(super()._identify)
 
     def _wake(self) -> None:

@@ -177,14 +177,18 @@ class Sensor(ABC):
         )
 
     def _identify(self) -> None:
-        name, known = self.chip.name_of(self._registers), self.chip.identity[1]
-        if name != known and self._registers.bank_lost():
-            name = self.chip.name_of(self._registers)
+        self._require_name(self._registers, self.chip)
+
+    def _require_name(self, registers: Registers, chip: Chip) -> None:
+        """Refuse a die that calls itself something else; one that was left in another bank is asked again."""
+        name, known = chip.name_of(registers), chip.identity[1]
+        if name != known and registers.bank_lost():
+            name = chip.name_of(registers)
         if name != known:
             raise WrongIdentity(
                 self._device,
-                f"{self.chip.identity_name} is {name:#04x}, the {self.chip.model} has {known:#04x}",
-                f"compare the address in the bench file with the board's {self.chip.strap or 'own'} strap",
+                f"{chip.identity_name} is {name:#04x}, the {chip.model} has {known:#04x}",
+                f"compare the address in the bench file with the board's {chip.strap or 'own'} strap",
             )
 
     def _wait_for(self, ready: Callable[[], bool], longest: float, poll: float, fault: tuple[str, str]) -> None:
