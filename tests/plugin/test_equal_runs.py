@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+import sweeps
 from magnetorquer_runs import BOARDS, rows, run_here, workspace
 from told_as_json import bodies
 
@@ -73,7 +74,8 @@ def test_a_reversed_coil_fails_on_its_board_alone(runs):
 
 
 @pytest.mark.parametrize(
-    ("name", "changes"), [("usual", {}), ("reversed", {f"{BOARDS[3]}: {{": f"{BOARDS[3]}: {{winding: left, "})]
+    ("name", "changes"),
+    sweeps.sample([("usual", {}), ("reversed", {f"{BOARDS[3]}: {{": f"{BOARDS[3]}: {{winding: left, "})], 1),
 )
 def test_every_verdict_follows_from_the_recorded_bytes(runs, name, changes):
     """The replay of a run, passed or failed, gives every verdict, value and row again."""

@@ -107,7 +107,7 @@ SWALLOW = "while True:\n    try:\n        {call}\n    except BaseException:\n   
             ("sum(range(100))", ["SIGINT", "SIGINT"]),
             ("sum(range(100))", ["SIGTERM"]),
         ],
-        3,
+        2,
     ),
 )
 def test_a_case_that_swallows_every_stop_is_ended(tmp_path, call, asks):
@@ -124,7 +124,8 @@ def test_a_case_that_swallows_every_stop_is_ended(tmp_path, call, asks):
 
 
 @pytest.mark.parametrize(
-    "call", ["clock.sleep(1.0)", "coil.drive(0.01)", "record('field', field, duration=1.0, rate=40.0)"]
+    "call",
+    sweeps.sample(["clock.sleep(1.0)", "coil.drive(0.01)", "record('field', field, duration=1.0, rate=40.0)"], 2),
 )
 def test_a_case_that_swallows_its_timeout_is_ended(tmp_path, call):
     """No bench time passes after the case was told; it is an ERROR, and the exit code 1."""
@@ -285,7 +286,7 @@ LOST = {
 }
 
 
-@pytest.mark.parametrize("how", LOST)
+@pytest.mark.parametrize("how", sweeps.sample(LOST, 2))
 def test_a_run_whose_output_goes_nowhere_is_sealed(tmp_path, how):
     """What becomes of the display changes neither the verdict nor the exit code."""
     workspace = make(tmp_path / "workspace", GOOD)
@@ -303,7 +304,7 @@ def test_a_run_whose_output_goes_nowhere_is_sealed(tmp_path, how):
         assert str(package.folder) in process.stderr
 
 
-@pytest.mark.parametrize("encoding", ["ascii", "latin-1", "utf-16"])
+@pytest.mark.parametrize("encoding", sweeps.sample(["ascii", "latin-1", "utf-16"], 2))
 def test_a_terminal_of_any_encoding_shows_the_run(tmp_path, encoding):
     """Characters that it does not have are escapes."""
     cases = case('print("\\u2126 \\udc80")').replace("Begin", "Measure 1 k\u2126")
@@ -339,7 +340,7 @@ def test_a_reader_that_goes_away_does_not_end_the_run(tmp_path):
 
 def test_a_reader_that_does_not_read_holds_up_nothing(tmp_path):
     """The run goes on to its seal while its lines wait."""
-    body = "for part in range(2000):\n    with step(f'Part {part} ' + 100 * 'x'):\n        pass"
+    body = "for part in range(1000):\n    with step(f'Part {part} ' + 100 * 'x'):\n        pass"
     workspace = make(tmp_path / "workspace", case(body))
     process = workspace.start_run()
     sealed = [False]
@@ -391,7 +392,7 @@ def test_ctrl_c_at_the_terminal_is_one_request(tmp_path):
 def test_ctrl_c_at_any_moment_gives_no_traceback(tmp_path):
     """From the first moments to the closing words: a documented code, and a seal wherever there is a folder."""
     workspace = make(tmp_path / "workspace", GOOD)
-    for number in sweeps.sample(range(24), 6):
+    for number in sweeps.sample(range(24), 4):
         place = tmp_path / f"reports-{number}"
         process = workspace.start_run("--output", str(place))
         time.sleep(0.2 + number * 0.05)  # before that it is Python's own start
@@ -408,7 +409,7 @@ def test_ctrl_c_at_any_moment_gives_no_traceback(tmp_path):
 
 def test_the_word_is_the_truth_about_the_last_words(tmp_path):
     """Killed while its last lines wait for their reader, a run keeps the exit code of its sealed package."""
-    body = "for part in range(3000):\n    with step(f'Part {part} ' + 100 * 'x'):\n        pass"
+    body = "for part in range(1000):\n    with step(f'Part {part} ' + 100 * 'x'):\n        pass"
     workspace = make(tmp_path / "workspace", case(body))
     process = workspace.start_run()
     while not any((folder / "bagit.txt").exists() for folder in workspace.folders()):

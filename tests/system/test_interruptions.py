@@ -119,7 +119,7 @@ def _holds(process: Path, folder: Path) -> bool:
     return False
 
 
-@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
+@pytest.mark.parametrize("name", sweeps.sample(["SIGINT", "SIGTERM", "SIGHUP"], 2))
 def test_a_signal_ends_the_run_safe_and_sealed(tmp_path, name):
     """The case is ABORTED, the rest NOT_RUN, every output proven safe, the package sealed, the exit code 2."""
     workspace, process = started(tmp_path)
@@ -154,7 +154,7 @@ def test_a_signal_ends_a_case_that_only_computes(tmp_path):
 def test_two_signals_at_any_moment_cut_nothing_in_two(tmp_path):
     """Whatever the executive is at when both signals come, the journal's chain and the package are whole."""
     pauses = random.Random(7)
-    for number in range(sweeps.chosen(2, 6)):
+    for number in range(sweeps.chosen(1, 6)):
         workspace, process = started(tmp_path / str(number))
         time.sleep(pauses.uniform(0.0, 0.3))
         process.send_signal(signal.SIGINT)
@@ -185,7 +185,7 @@ def test_a_killed_run_loses_nothing_that_was_told(tmp_path):
     """Killed at any of many moments, a run is found incomplete, whole up to the kill, and sealed as it is."""
     moments = random.Random(20260101)
     workspace = make(tmp_path / "workspace", LONG)
-    for number in range(sweeps.chosen(5, 30)):
+    for number in range(sweeps.chosen(3, 30)):
         process = workspace.start_run("--output", str(tmp_path / f"reports-{number}"))
         until(process, "armed" if number % 3 else "plan small")
         time.sleep(moments.uniform(0.0, 1.0))
@@ -303,7 +303,7 @@ def test_long(supply, field, record, check, clock, iterations):
     supply.coil.configure(1.9, 0.01)
     supply.coil.enable()
     with record.during("beside", field, rate=4.0):
-        for part in iterations("part", 200):
+        for part in iterations("part", 100):
             clock.sleep(20.0)
             assert supply.coil.enabled()
             check("T-050", "voltage", supply.coil.voltage())
@@ -320,7 +320,7 @@ def test_a_full_disk_ends_the_run_safe_and_with_words(tmp_path, small_disk):
     workspace = make(tmp_path / "workspace", TURNS)
     (workspace.root / "hil.toml").write_text('notify = ["/bin/cp", "/dev/stdin", "told.json"]\n', encoding="utf-8")
     process = workspace.start_run("--verbose", "--output", str(small_disk / "reports"))
-    until(process, "part 5 of 200")
+    until(process, "part 5 of 100")
     fill(small_disk / "filler")
     ended = finish(process)
     (folder,) = (small_disk / "reports").glob("[!.]*")
@@ -347,7 +347,7 @@ def test_a_full_disk_ends_the_run_safe_and_with_words(tmp_path, small_disk):
     package = Package(folder)
     assert [case["verdict"] for case in results_as_json(package)["cases"]] == ["PASS", "PASS"]
     turns = [event["turn"] for event in bodies(package, "step") if "turn" in event]
-    assert turns == list(range(1, 201))
+    assert turns == list(range(1, 101))
     assert workspace.hil("replay", str(folder), timeout=300).code == 0
 
 

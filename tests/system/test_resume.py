@@ -9,6 +9,7 @@ import time
 from pathlib import Path
 
 import pytest
+import sweeps
 from resumed_runs import findings_of, killed, without_git
 from told_as_json import bodies, results_as_json
 from workspaces import STARTED, Workspace, finish, make
@@ -20,15 +21,16 @@ from hil.evidence.package.verification import verify
 
 pytestmark = pytest.mark.system
 
-CASES = """
+PARTS = sweeps.chosen(40, 80)
+CASES = f"""
 @pytest.mark.requirement("T-030")
 @pytest.mark.max_duration(1e9)
 def test_long(supply, field, operator, record, check, iterations, artifact):
-    for part in iterations("part", 80):
+    for part in iterations("part", {PARTS}):
         operator.confirm("Is the jig still in its place?", name="jig")
         with supply_on(supply):
             taken = record("field", field, duration=5.0, rate=40.0)
-        artifact(f"mean-{part}.txt", f"{taken['x'].mean():.9g}")
+        artifact(f"mean-{{part}}.txt", f"{{taken['x'].mean():.9g}}")
 
 
 @pytest.mark.requirement("T-010")
@@ -78,9 +80,9 @@ def test_a_run_that_is_killed_again_and_again_comes_to_the_same(workspace):
     moments = random.Random(11)
     disturbed = begun(workspace)
     assert killed(STARTED[-1], moments.uniform(0.0, 2.0))
-    for _ in range(6):
+    for _ in range(sweeps.chosen(3, 6)):
         STARTED.append(workspace.start("resume", str(disturbed), stdout=subprocess.DEVNULL))
-        if not killed(STARTED[-1], moments.uniform(1.0, 6.0)):
+        if not killed(STARTED[-1], moments.uniform(1.0, sweeps.chosen(3.0, 6.0))):
             break
     if not (disturbed / "bagit.txt").exists():
         over = b'"kind":"results"' in (disturbed / "data/journal.jsonl").read_bytes()  # the last kill was at the seal
@@ -169,7 +171,8 @@ def test_there_must_be_something_to_go_on_with(workspace, what):
     assert (ended.code, what in ended.err) == (4, True)
 
 
-TURNS = """
+COUNT = sweeps.chosen(200, 400)
+TURNS = f"""
 @pytest.mark.requirement("T-050")
 @pytest.mark.max_duration(1e9)
 @pytest.mark.repeatable("the voltage of a coil may be read as often as one likes")
@@ -177,12 +180,12 @@ def test_long(supply, field, operator, record, check, clock, iterations):
     supply.coil.configure(1.9, 0.01)
     supply.coil.enable()
     with record.during("beside", field, rate=4.0) as beside:
-        for part in iterations("part", 400):
+        for part in iterations("part", {COUNT}):
             operator.confirm("Is the jig still in its place?", name="jig")
             clock.sleep(20.0)
             assert supply.coil.enabled()
             check("T-050", "voltage", supply.coil.voltage())
-    assert beside.recording["x"].size > 4 * 20 * 400
+    assert beside.recording["x"].size > 4 * 20 * {COUNT}
 
 
 @pytest.mark.requirement("T-010")
@@ -206,22 +209,22 @@ def stopped(workspace, process, until: str) -> None:
 def test_a_run_that_was_stopped_goes_on_at_its_last_turn(tmp_path):
     """It is entered again, twice: the bench armed and driven anew, the turns made again void before, nothing lost."""
     workspace = made(tmp_path / "workspace", TURNS)
-    stopped(workspace, workspace.start_run("--verbose"), "part 20 of 400")
+    stopped(workspace, workspace.start_run("--verbose"), f"part 20 of {COUNT}")
     (folder,) = workspace.folders()
     assert not (folder / "bagit.txt").exists()
-    stopped(workspace, workspace.start("resume", "latest", "--verbose"), "part 200 of 400")
+    stopped(workspace, workspace.start("resume", "latest", "--verbose"), f"part {COUNT // 2} of {COUNT}")
     ended = workspace.hil("resume", "latest", timeout=300)
     assert (ended.code, ended.err) == (0, "")
     package = Package(folder)
     assert (verify(folder).findings, verify(folder).ok) == ((), True)
     assert [case["verdict"] for case in results_as_json(package)["cases"]] == ["PASS", "PASS"]
     turns = [event["turn"] for event in bodies(package, "step") if "turn" in event]
-    assert turns == list(range(1, 401))
+    assert turns == list(range(1, COUNT + 1))
     lines = bodies(read_journal(folder / JOURNAL))
     assert sum(line["kind"] == "armed" for line in lines) == 3
     assert [line["entry"]["rows"] != [] for line in lines if line["kind"] == "resumed"] == [True, True]
     beside = next(each for each in bodies(package, "recording") if each["name"] == "beside")
-    assert len(package.recording(beside["recording"])) > 4 * 20 * 400
+    assert len(package.recording(beside["recording"])) > 4 * 20 * COUNT
     assert "stopped by Ada: weekend, and resumed where" in package.text("data/report/report.html")
     again = workspace.hil("replay", str(folder), timeout=300)
     assert (again.code, again.err) == (0, "")
@@ -235,12 +238,13 @@ def test_a_run_that_was_stopped_for_good_is_not_resumed(workspace):
     assert "is sealed" in workspace.hil("resume", "latest").err
 
 
-RESTING = """
+RESTED_S = sweeps.chosen(600, 1500)
+RESTING = f"""
 @pytest.mark.requirement("T-030")
 @pytest.mark.max_duration(1e9)
 def test_rest(field, record, artifact):
-    rest = record("field", field, duration=1500.0, rate=40.0, continues=True)
-    artifact("valid.txt", f"{len(rest)} {int(rest.valid.sum())} {rest.time[-1] - rest.time[0]:.0f}")
+    rest = record("field", field, duration={RESTED_S}.0, rate=40.0, continues=True)
+    artifact("valid.txt", f"{{len(rest)}} {{int(rest.valid.sum())}} {{rest.time[-1] - rest.time[0]:.0f}}")
 """
 
 
@@ -262,10 +266,10 @@ def test_a_recording_that_continues_is_not_made_again(tmp_path):
     (recording,) = [each for each in bodies(package, "recording") if each["case"]]
     assert (ended.code, ended.err, case["verdict"]) == (1, "", "INCONCLUSIVE")
     assert "the run was stopped during the recording" in case["reasons"][0]
-    assert len(package.recording(recording["recording"])) == 60_000
+    assert len(package.recording(recording["recording"])) == 40 * RESTED_S
     kept = next(folder.glob("data/attachments/*valid.txt")).read_text(encoding="ascii").split()
-    assert kept[:2] == ["60000", "60000"]
-    assert int(kept[2]) > 1500
+    assert kept[:2] == [str(40 * RESTED_S)] * 2
+    assert int(kept[2]) > RESTED_S
     assert verify(folder).findings == ()
     assert workspace.hil("replay", str(folder), timeout=300).code == 0
 

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import sweeps
 from resumed_runs import without_git
 from told_as_json import bodies
 from workspaces import STARTED, finish, kill, make
@@ -91,7 +92,7 @@ def whole(workspace, folder: Path) -> Package:
 
 
 @pytest.mark.timeout(360)
-@pytest.mark.parametrize("how", ["SIGINT", "SIGTERM", "hil stop"])
+@pytest.mark.parametrize("how", sweeps.sample(["SIGINT", "SIGTERM", "hil stop"], 2))
 def test_a_resume_that_is_stopped_on_its_record_leaves_the_run_as_it_was(workspace, interrupted, how):
     """It can be resumed again, and does not stop a second time for what was asked of the process before."""
     before = (interrupted / "data/journal.jsonl").read_bytes()
