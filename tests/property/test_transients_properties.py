@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import sweeps
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from hil.analysis import charge, crossing, peak, time_above, time_below
@@ -15,6 +15,7 @@ WAVES = st.lists(st.floats(-10, 10).map(lambda value: round(value, 3)), min_size
 
 @settings(max_examples=sweeps.examples(300), deadline=None)
 @given(WAVES, st.floats(-9, 9).map(lambda level: round(level, 3) + 0.0005), st.floats(-5, 5), st.floats(0.1, 10))
+@example([0.0, 0.0, 0.0, 0.0, 0.0, 5.0, 1.0, 0.0], 4.0005, 0.0, 1.0)  # falls farther than it ever rose
 def test_shifted_and_scaled(values, level, shift, gain):
     """Time above and below add up to the capture; nothing but a crossing depends on where zero is; gains cancel."""
     time, signal = np.arange(len(values)) * 0.5, np.array(values)

@@ -284,7 +284,7 @@ def _transit(times: NDArray[np.float64], over: NDArray[np.float64], step: float,
     begin = int(below[-1]) if below.size else 0
     above = np.flatnonzero(over[place + 1 :] >= away)
     end = place + 1 + int(above[0]) if above.size else len(over) - 1
-    if first and (again := np.flatnonzero(over[place:end] <= -away)).size:
+    if first and above.size and (again := np.flatnonzero(over[place:end] <= -away)).size:
         begin = place + int(again[-1])
     places = begin + _crossings(over[begin : end + 1])
     one, last = (_between(times, over, int(each)) for each in (places[0], places[-1]))
