@@ -340,7 +340,7 @@ def test_a_reader_that_goes_away_does_not_end_the_run(tmp_path):
 
 def test_a_reader_that_does_not_read_holds_up_nothing(tmp_path):
     """The run goes on to its seal while its lines wait."""
-    body = "for part in range(1000):\n    with step(f'Part {part} ' + 100 * 'x'):\n        pass"
+    body = "for part in range(2000):\n    with step(f'Part {part} ' + 100 * 'x'):\n        pass"
     workspace = make(tmp_path / "workspace", case(body))
     process = workspace.start_run()
     sealed = [False]
@@ -409,7 +409,7 @@ def test_ctrl_c_at_any_moment_gives_no_traceback(tmp_path):
 
 def test_the_word_is_the_truth_about_the_last_words(tmp_path):
     """Killed while its last lines wait for their reader, a run keeps the exit code of its sealed package."""
-    body = "for part in range(1000):\n    with step(f'Part {part} ' + 100 * 'x'):\n        pass"
+    body = "for part in range(3000):\n    with step(f'Part {part} ' + 100 * 'x'):\n        pass"
     workspace = make(tmp_path / "workspace", case(body))
     process = workspace.start_run()
     while not any((folder / "bagit.txt").exists() for folder in workspace.folders()):
