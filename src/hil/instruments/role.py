@@ -34,6 +34,7 @@ class Operation:
         arguments: by name, in their order.
         unit: of the figure that it returns, empty if it returns none.
         signature: of the function.
+        effect: what the journal calls it: `drives` or `reads`.
     """
 
     name: str
@@ -43,11 +44,10 @@ class Operation:
     arguments: Mapping[str, Argument]
     unit: str
     signature: inspect.Signature
+    effect: Literal["drives", "reads"] = field(init=False)
 
-    @property
-    def effect(self) -> Literal["drives", "reads"]:
-        """What the journal calls it: `drives` or `reads`."""
-        return "drives" if self.drives else "reads"
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "effect", "drives" if self.drives else "reads")
 
 
 @dataclass(frozen=True, kw_only=True)

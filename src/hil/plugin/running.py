@@ -238,7 +238,7 @@ def _attend(session: Session, notifier: Notifier) -> None:
         session.bench, pass_by, session.record.upkeep.elsewhere
     )
     people = People(_on_call(session, notifier), answers, session.keeper.journal, idle)
-    session.record.events.listen(people, *People.hears)
+    session.record.events.listen(people)
     session.machine.attend(people)
 
 

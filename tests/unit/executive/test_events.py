@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from hil.evidence.events import Anomaly, Armed, Stop
+from hil.evidence.events import Anomaly, Armed, Effect, Stop
 from hil.executive.journaling.events import Events
 
 
@@ -44,3 +44,34 @@ def test_who_listens_to_some_kinds_hears_no_other():
     for event in (Armed(), Stop(reason="x", urgent=False), Armed()):
         shown.show(event)
     assert heard == [("all", "armed"), ("all", "stop"), ("stops", "stop"), ("all", "armed")]
+
+
+def test_a_listener_names_what_it_hears():
+    """A reading is for nobody who waits for answers, and for nobody at all where nobody waits for anything."""
+
+    class Waiting:
+        hears = (Effect, Stop)
+        effects = frozenset({"asks"})
+
+        def __init__(self):
+            self.heard = []
+
+        def __call__(self, event):
+            self.heard.append(getattr(event, "name", "stop"))
+
+    class Idle(Waiting):
+        hears = ()
+
+    waiting, idle, shown = Waiting(), Idle(), Events(None, None)
+    for each in (waiting, idle):
+        shown.listen(each)
+    told = {"case": "c", "step": "", "ordinal": 1, "arguments": {}, "result": None}
+    for event in (
+        Effect(name="supply.voltage", effect="reads", **told),
+        Effect(name="operator.confirm", effect="asks", **told),
+        Armed(),
+        Stop(reason="x", urgent=False),
+    ):
+        shown.show(event)
+    assert waiting.heard == ["operator.confirm", "stop"]
+    assert idle.heard == []

@@ -41,7 +41,7 @@ def ran(tmp_path, *bodies, live=True, ledger=None):
     told = []
     with Journal(folder / JOURNAL) as journal:
         written = Events(journal, StopFlags())
-        written.listen(Heads(folder, journal, told.append, source="hardware", all_of_them=live), *Heads.hears)
+        written.listen(Heads(folder, journal, told.append, source="hardware", all_of_them=live))
         for body in bodies:
             written.write(event_of(**body))
     return folder, told

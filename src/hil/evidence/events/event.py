@@ -49,16 +49,17 @@ class Event(Part, frozen=True, kw_only=True, tag_field="kind", tag=_kind):
     origin: ClassVar[Origin] = Origin.COURSE
     synced: ClassVar[bool] = False
     """Whether it is on the disk before the run continues; other kinds follow half a second later at the latest."""
+    recurs: ClassVar[bool] = True
+    """Whether the event recurs in every run of the same course, its replay included; follows from its origin."""
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        cls.recurs = cls.origin is Origin.COURSE
 
     @classmethod
     def kind(cls) -> str:
         """Return what the journal calls events of this type."""
         return str(cls.__struct_config__.tag)
-
-    @property
-    def recurs(self) -> bool:
-        """Whether the event recurs in every run of the same course, its replay included."""
-        return self.origin is Origin.COURSE
 
 
 class EventSink(Protocol):

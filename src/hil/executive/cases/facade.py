@@ -96,7 +96,8 @@ class Facade(OfThisProcess):
         if name not in operations:
             hint = did_you_mean(name, operations)
             raise AttributeError(f"{self.__dict__['wire'].name} has no operation '{name}'{hint}")
-        return self._bound(operations[name])
+        bound = self.__dict__[name] = self._bound(operations[name])  # a case asks for it again and again
+        return bound
 
     def __setattr__(self, name: str, value: object) -> None:
         raise AttributeError(f"{self.wire.name} is what the bench file says, its '{name}' cannot be changed")

@@ -53,6 +53,9 @@ class Steps(OfThisProcess):
         journal: where events are written.
         now: bench time in seconds.
         undisturbed: keeps the bench's watching during a case from moving its time while a step begins or ends.
+
+    Attributes:
+        number: the number of the present step, such as `1.2`; empty outside steps.
     """
 
     said = "`step`"
@@ -71,11 +74,7 @@ class Steps(OfThisProcess):
         self._titles: list[str] = []
         self._began: list[float] = []
         self._counts = [0]
-
-    @property
-    def number(self) -> str:
-        """The number of the present step, such as `1.2`; empty outside steps."""
-        return ".".join(str(count) for count in self._counts[: len(self._titles)])
+        self.number = ""
 
     @contextmanager
     def __call__(self, title: str, turn: int | None = None) -> Iterator[None]:
@@ -93,6 +92,7 @@ class Steps(OfThisProcess):
             self._titles.append(one_line(title))
             self._began.append(began)
             self._counts.append(0)
+            self._count()
             self._journal.write(events.Step(case=self.case, path=tuple(self._titles), number=self.number, turn=turn))
         mine = self._counts[: depth + 1]
         outcome: Outcome = "raised"
@@ -124,3 +124,7 @@ class Steps(OfThisProcess):
             )
             self._journal.write(ended)
             self._titles.pop()
+            self._count()
+
+    def _count(self) -> None:
+        self.number = ".".join(str(count) for count in self._counts[: len(self._titles)])

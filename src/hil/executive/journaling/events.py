@@ -9,7 +9,7 @@ from typing import Protocol
 import msgspec
 
 from hil.clock.port import Clock
-from hil.evidence.events import NOTHING, Entry, Event
+from hil.evidence.events import NOTHING, Effect, Entry, Event
 from hil.evidence.journal.writer import Journal
 from hil.executive.ending.stop import StopFlags, leave_unsealed
 from hil.model.errors import Diverged, EvidenceError
@@ -123,7 +123,7 @@ class Events:
         self._clock: Clock | None = None
         self._run: Eventful | None = None
         self._listeners: dict[Listener, tuple[type[Event], ...]] = {}
-        self._hearing: dict[type[Event], tuple[Listener, ...]] = {}
+        self._hearing: dict[tuple[type[Event], str], tuple[Listener, ...]] = {}
 
     @property
     def course(self) -> int:
@@ -143,8 +143,12 @@ class Events:
         self._journal.tick()
 
     def listen(self, listener: Listener, *kinds: type[Event]) -> None:
-        """Show every further event of these kinds to `listener`, of all kinds where none is named."""
-        self._listeners[listener] = kinds or (Event,)
+        """Show every further event of these kinds to `listener`.
+
+        Where none is named, they are those that it `hears`, and of effects those whose kind is among its `effects`;
+        one without such attributes is shown all. A case has thousands of readings that are for nobody but the journal.
+        """
+        self._listeners[listener] = kinds or getattr(listener, "hears", (Event,))
         self._hearing.clear()
 
     def write(self, event: Event, *, beside: Mapping[str, object] = NOTHING) -> None:
@@ -169,7 +173,12 @@ class Events:
 
     def show(self, event: Event) -> None:
         """Show an event to all listeners."""
-        for listener in self._heard_by(type(event)):
+        kind = type(event)
+        key = kind, event.effect if isinstance(event, Effect) else ""
+        listeners = self._hearing.get(key)
+        if listeners is None:
+            listeners = self._hearing[key] = tuple(each for each in self._listeners if self._is_for(each, *key))
+        for listener in listeners:
             try:
                 listener(event)
             except (OSError, ValueError):  # a display that is gone: what it is given would wait in its buffer for ever
@@ -178,13 +187,10 @@ class Events:
             except (Exception, SystemExit):  # noqa: BLE001, S112 - the bench must not hear of it
                 continue
 
-    def _heard_by(self, kind: type[Event]) -> tuple[Listener, ...]:
-        """Return who listens to a kind; it is looked up once, because most listen to few."""
-        found = self._hearing.get(kind)
-        if found is None:
-            found = tuple(each for each, kinds in self._listeners.items() if issubclass(kind, kinds))
-            self._hearing[kind] = found
-        return found
+    def _is_for(self, listener: Listener, kind: type[Event], effect: str) -> bool:
+        """Return whether events of a kind, of effects those of this kind of theirs, are for a listener."""
+        effects = getattr(listener, "effects", None)
+        return issubclass(kind, self._listeners[listener]) and (not effect or effects is None or effect in effects)
 
     def skip(self, last: int) -> None:
         """Let the events of the past up to sequence number `last` not come again: they are void."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import ClassVar
 
 from hil.clock import wall
 from hil.evidence import events
@@ -22,6 +21,16 @@ _APART_S = 1.0
 """Heads of checks that are good come so far apart; the next event brings what waits."""
 
 _LEARNS = frozenset({"asks", "reads", "records"})
+_OTHERS = (
+    events.Case,
+    events.CaseEnd,
+    events.Check,
+    events.Effect,
+    events.Lost,
+    events.Recording,
+    events.Step,
+)
+"""Kinds of events beside plan and stop that nobody may take back, or that begin something."""
 
 
 class Heads:
@@ -42,18 +51,6 @@ class Heads:
         hears: the kinds of events that it has to be shown.
     """
 
-    hears: ClassVar[tuple[type[events.Event], ...]] = (
-        events.Case,
-        events.CaseEnd,
-        events.Check,
-        events.Effect,
-        events.Lost,
-        events.Planned,
-        events.Recording,
-        events.Step,
-        events.Stop,
-    )
-
     def __init__(
         self, folder: Path, journal: Journal, tell: Callable[[str], None], *, source: str, all_of_them: bool
     ) -> None:
@@ -62,6 +59,7 @@ class Heads:
         self._tell = tell
         self._source = source
         self._all = all_of_them
+        self.hears: tuple[type[events.Event], ...] = (events.Planned, events.Stop, *(_OTHERS if all_of_them else ()))
         self._learnt = self._told = self._waits = False
         self._entered = journal.count
         self._last = -_APART_S

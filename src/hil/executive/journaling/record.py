@@ -246,7 +246,7 @@ class Record:
         for listener in listeners:
             self.events.listen(listener)
         if leases:  # nobody resumes a rehearsal
-            self.events.listen(self._heads(configuration), *Heads.hears)
+            self.events.listen(self._heads(configuration))
         self.store = RowStore(self.folder, self.events, again=beginning.resumes, caller=caller)
         past = past_lines(self.folder / TRANSCRIPT) if beginning.resumes else None
         self._sink = FileIO(self.folder / TRANSCRIPT, "a" if past else "w")

@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 from hil.clock import wall
 from hil.documents.canonical import canonical
@@ -26,6 +27,19 @@ _LOOK_S = 0.02
 _MOST_AT_ONCE = 4
 _LONGEST_TEXT = 1000
 _FAILED = 1
+_TOLD = (
+    events.Answer,
+    events.AskedAgain,
+    events.CaseEnd,
+    events.Confirmed,
+    events.Effect,
+    events.Lost,
+    events.MonitorLate,
+    events.NotRun,
+    events.Planned,
+    events.Question,
+    events.Trip,
+)
 _ENDS = {
     0: "every case passed",
     _FAILED: "not every case passed",
@@ -69,6 +83,14 @@ class Notifier:
         self._question = ""
         self._planned = 0
         self._verdicts: dict[str, Verdict] = {}
+
+    effects: ClassVar[frozenset[str]] = frozenset({"asks"})
+    """The kinds of effects that it has to be shown: those that a person has answered."""
+
+    @property
+    def hears(self) -> tuple[type[events.Event], ...]:
+        """The kinds of events that it has to be shown: none where nobody is to be notified."""
+        return _TOLD if self._command else ()
 
     def attach(self, run: str, journal: EventSink | None) -> None:
         """Begin, for the run of this name, which has this journal, if it is not over."""

@@ -17,7 +17,7 @@ from hil.documents.text import visible
 from hil.evidence import events
 from hil.evidence.events.codec import plain
 from hil.report.live.lines import one_line
-from hil.report.live.outlook import Outlook
+from hil.report.live.outlook import Outlook, method_of
 from hil.report.live.readings import Readings
 from hil.report.numbers import bench_time, duration, limit_text, measured
 from hil.report.page.incidents import answered, attached, noted
@@ -145,7 +145,7 @@ class Progress:
     def __call__(self, event: events.Event) -> None:
         """Show one event."""
         self._outlook.take(event)
-        show = getattr(self, f"_{event.kind().replace('-', '_')}", None)
+        show = getattr(self, method_of(type(event)), None)
         if show is not None:
             show(event)
 

@@ -6,12 +6,13 @@ import math
 import re
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
+from functools import cache
 
 from hil.evidence import events
 from hil.model.verdict import Verdict
 from hil.report.numbers import duration
 
-__all__ = ["Left", "Outlook", "Turns"]
+__all__ = ["Left", "Outlook", "Turns", "method_of"]
 
 _CUT_SHORT = frozenset({Verdict.ABORTED, Verdict.ERROR, Verdict.NOT_RUN})
 _FASTER = 2.0  # bench time that passes faster than this differs from what a person waits
@@ -89,6 +90,12 @@ class _Step:
     turns: Turns | None
 
 
+@cache
+def method_of(kind: type[events.Event]) -> str:
+    """Return what the method is called that takes events of a kind."""
+    return f"_{kind.kind().replace('-', '_')}"
+
+
 class Outlook:
     """Takes the events of a run in order, and tells where it is.
 
@@ -133,7 +140,7 @@ class Outlook:
     def take(self, event: events.Event) -> None:
         """Take one event."""
         self.at(event.t)
-        take = getattr(self, f"_{event.kind().replace('-', '_')}", None)
+        take = getattr(self, method_of(type(event)), None)
         if take is not None:
             take(event)
 

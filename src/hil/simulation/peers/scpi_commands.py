@@ -270,7 +270,7 @@ class Commands(Stateful):
         return form.format(self._selected)
 
     def _identify(self) -> str:
-        fault = self._faults.now(Identity, self._now_ns)
+        fault = self._faults.now(Identity, self._now_ns) if self._faults.faults else None  # asked before every reading
         return _marked(fault.value) if fault else self._identity
 
     def _reset(self) -> None:
