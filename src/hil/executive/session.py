@@ -35,7 +35,6 @@ from hil.executive.resuming.beginnings import Entering, NewRun
 from hil.executive.setup.configuration import Configuration
 from hil.executive.setup.head import PlannedCase
 from hil.executive.watching.attending import Attendant, Lookout
-from hil.executive.watching.holding import Holding
 from hil.executive.watching.keeper import BenchKeeper
 from hil.executive.watching.machine import LiveMachine, live_machine
 from hil.executive.watching.ports import Machine, NoMachine
@@ -179,7 +178,7 @@ class Session:
             timeline,
             (record.upkeep, *spectators),
         )
-        record.events.listen(self.keeper.holding, *Holding.hears)
+        record.events.listen(self.keeper.holding)
         self._entering = Entering(record, bench, self.keeper, self._beginning)
         if self._beginning.resumes or self.machine is not None or timeline.retraces:
             record.events.serve(self)  # any other run is where its events are

@@ -107,9 +107,11 @@ class Holding:
 
     Attributes:
         hears: the kinds of events that it has to be shown.
+        effects: the kinds of effects that it has to be shown.
     """
 
     hears: ClassVar[tuple[type[events.Event], ...]] = (events.HoldAsked, events.Effect, *_ENDS)
+    effects: ClassVar[frozenset[str]] = frozenset({"drives"})
 
     def __init__(self, bench: BoundBench, flags: StopFlags, journal: EventSink, scheduler: Scheduler) -> None:
         self._bench = bench

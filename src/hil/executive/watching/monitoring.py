@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import cast
+from typing import ClassVar, cast
 
 from hil.bench.bound import BoundBench
 from hil.bench.derived.derivation import Derivation
@@ -40,6 +40,8 @@ class _Ahead(Bus):
         pace: of the recording.
         monitors: those that its rows do not feed.
     """
+
+    looks_ahead: ClassVar[bool] = True
 
     def __init__(self, pace: Pace, monitors: Sequence[Monitor]) -> None:
         super().__init__()

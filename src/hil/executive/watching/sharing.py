@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from statistics import median_low
+from typing import ClassVar
 
 from hil.bench.envelope import Monitor
 from hil.clock.port import NANOSECONDS
@@ -220,7 +221,10 @@ class Bus:
 
     Attributes:
         shares: those of the recordings that are being taken.
+        looks_ahead: whether there may be room for a monitor that is not due, though no recording is being taken.
     """
+
+    looks_ahead: ClassVar[bool] = False
 
     def __init__(self) -> None:
         self.shares: list[Share] = []

@@ -157,7 +157,9 @@ class OnBench:
         """Yield those that have room before `until_ns`, and those that are overdue, as far as recordings admit them."""
         del name
         for monitor in monitors:
-            if bus.room(monitor, self._clock.now_ns(), until_ns):
+            now_ns = self._clock.now_ns()
+            waits = now_ns < monitor.due_ns and not (bus.shares or bus.looks_ahead)  # as most do
+            if not waits and bus.room(monitor, now_ns, until_ns):
                 yield monitor
 
     def soonest_ns(self, monitors: Sequence[Monitor]) -> int:
