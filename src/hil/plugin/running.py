@@ -174,7 +174,7 @@ class _RunProcess:
         progress = Progress(self._out, verbose=self._verbose)
         notifier = Notifier(configuration.workspace.notify, configuration.workspace.root)
         session = self._opener(configuration, planned, spectators=[progress, notifier], caller=self)
-        progress.follow(session.folder)
+        progress.follow(session.folder, session.bench.clock.now)
         notifier.attach(session.folder.name, session.keeper.journal)
         self._session, self._notifier = session, notifier
         _complain(*(f"hil: {text}" for text in configuration.inputs.sleeps))

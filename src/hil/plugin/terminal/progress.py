@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import TextIO, cast
+from typing import ClassVar, TextIO, cast
 
 from rich.console import Console
 from rich.text import Text
@@ -113,7 +113,12 @@ class Progress:
     Args:
         stream: where the lines go.
         verbose: whether steps, effects and gates that hold are shown, too.
+
+    Attributes:
+        effects: the kinds of effects that it has to be shown: what a case reads makes no line.
     """
+
+    effects: ClassVar[frozenset[str]] = frozenset({"asks", "drives"})
 
     def __init__(self, stream: TextIO, *, verbose: bool = False) -> None:
         self._console = _Console(file=drawn(stream), highlight=False, soft_wrap=True, emoji=False, markup=False)
@@ -125,11 +130,12 @@ class Progress:
         self._left_out: Counter[str] = Counter()
         self._outlook = Outlook()
         self._readings: Readings | None = None
+        self._now: Callable[[], float] | None = None
         self._status = StatusLine(stream, self._where)
 
-    def follow(self, folder: Path) -> None:
-        """Show from now on what the run in this folder reads."""
-        self._readings = Readings(folder)
+    def follow(self, folder: Path, now: Callable[[], float]) -> None:
+        """Show from now on what the run in this folder reads, and its bench time `now` in s."""
+        self._readings, self._now = Readings(folder), now
 
     def pass_by(self, event: events.Event) -> None:
         """Take an event in without a word, for a run that is joined in the middle of it."""
@@ -150,6 +156,8 @@ class Progress:
             show(event)
 
     def _where(self) -> str:
+        if self._now is not None:
+            self._outlook.at(self._now())
         readings = self._readings.newest(self._outlook) if self._readings else []
         return one_line(self._outlook, readings)
 
