@@ -12,19 +12,18 @@ from __future__ import annotations
 import math
 import re
 import unicodedata
+from collections.abc import Mapping
 from functools import cache, lru_cache
-from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
 from hil.model.errors import HilError
+from hil.requirements.unit_words import DEFINITIONS, LONGEST, is_product, unit_word
 
 if TYPE_CHECKING:
     import pint
 
 __all__ = ["UnitError", "check_unit", "compatible", "convert", "is_plain", "same", "scale"]
 
-_DEFINITIONS = Path(__file__).with_name("units.txt")
-_LONGEST = 100
 _DEEPEST = 3
 _POWER = r"[-+]?[0-9](?:\.[0-9]{1,2})?"
 _WORD = re.compile(
@@ -66,6 +65,8 @@ class UnitError(HilError):
 
 def check_unit(text: str) -> str | None:
     """Return what is wrong with a unit's text, None if it is a unit."""
+    if is_product(text):
+        return None
     try:
         _unit(text)
     except UnitError as error:
@@ -80,6 +81,8 @@ def compatible(one: str, other: str) -> bool:
     Raises:
         UnitError: if one of them is not a unit.
     """
+    if (word := unit_word(one)) and (another := unit_word(other)):
+        return word.dimension == another.dimension and word.offset == another.offset
     first, second = _unit(one), _unit(other)
     return first.dimensionality == second.dimensionality and _is_offset(first) == _is_offset(second)
 
@@ -91,7 +94,8 @@ def convert(value: float, from_unit: str, to_unit: str) -> float:
         UnitError: if one of them is not a unit, or they do not convert.
     """
     if from_unit == to_unit:
-        _unit(from_unit)
+        if not is_product(from_unit):
+            _unit(from_unit)
         return value
     if not compatible(from_unit, to_unit):
         raise UnitError(f"'{from_unit}' does not convert to '{to_unit}'", _why_not(from_unit, to_unit))
@@ -105,13 +109,19 @@ def is_plain(text: str) -> bool:
     Raises:
         UnitError: if it is not a unit.
     """
+    if word := unit_word(text):
+        return word.offset or _is_coherent(word.size, dict(word.dimension))
     unit = _unit(text)
     if _is_offset(unit):
         return True
     factor = float(_registry().Quantity(1.0, unit).to_root_units().magnitude)
+    return _is_coherent(factor, cast("Mapping[str, float]", unit.dimensionality))
+
+
+def _is_coherent(factor: float, powers: Mapping[str, float]) -> bool:
     # Roots are the gram, where SI has the kilogram, and the radian, where benches have the degree.
-    grams = 1000.0 ** cast("float", unit.dimensionality.get("[mass]", 0))
-    degrees = math.radians(1.0) ** cast("float", unit.dimensionality.get("[angle]", 0))
+    grams = 1000.0 ** powers.get("[mass]", 0)
+    degrees = math.radians(1.0) ** powers.get("[angle]", 0)
     return any(math.isclose(factor, grams * angle, rel_tol=1e-12) for angle in (1.0, degrees))
 
 
@@ -139,6 +149,10 @@ def scale(from_unit: str, to_unit: str) -> float:
     Raises:
         UnitError: if one of them is not a unit, or they do not convert.
     """
+    if from_unit == to_unit and is_product(from_unit):
+        return 1.0
+    if (word := unit_word(from_unit)) and (another := unit_word(to_unit)) and word.name == another.name:
+        return 1.0 if word.prefix == another.prefix else word.prefix * another.prefix**-1.0
     registry = _registry()
     first, second = _difference(_unit(from_unit)), _difference(_unit(to_unit))
     if first.dimensionality != second.dimensionality:
@@ -160,16 +174,16 @@ def _factor(registry: pint.UnitRegistry[float], first: pint.Unit, second: pint.U
 def _registry() -> pint.UnitRegistry[float]:
     import pint  # noqa: PLC0415 - only runs that check units pay for it
 
-    return pint.UnitRegistry(str(_DEFINITIONS))
+    return pint.UnitRegistry(str(DEFINITIONS))
 
 
 @lru_cache(maxsize=1024)
 def _unit(text: str) -> pint.Unit:
     if not text.strip():
         raise UnitError("a unit is missing", "write 1 for a plain number")
-    notation = unicodedata.normalize("NFC", text[: _LONGEST + 1])
-    if len(text) > _LONGEST or not _is_spoken(notation):
-        raise UnitError(f"'{text[:_LONGEST]}' is not a unit", "write it as in deg/s/sqrt(Hz), W.h, uT, 1 or %")
+    notation = unicodedata.normalize("NFC", text[: LONGEST + 1])
+    if len(text) > LONGEST or not _is_spoken(notation):
+        raise UnitError(f"'{text[:LONGEST]}' is not a unit", "write it as in deg/s/sqrt(Hz), W.h, uT, 1 or %")
     for pattern, replacement in _NOTATION:
         notation = pattern.sub(replacement, notation)
     try:
