@@ -204,7 +204,8 @@ class ScpiSession:
         frame, separator, reply = line.partition(";")
         if not separator or frame != (self._frame or frame):
             raise ValueError(f"a reply that begins with {self._frame or 'the identification'};")
-        self._identified(frame)
+        if frame != self._frame:
+            self._identified(frame)
         return reply.strip()
 
     def _identified(self, line: str) -> tuple[str, str, str, str]:

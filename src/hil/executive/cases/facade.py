@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import cached_property
 from numbers import Real
 from types import MappingProxyType
 from typing import Any, Protocol, TypeVar
@@ -109,7 +110,7 @@ class Facade(OfThisProcess):
         """Return whether this is a role of the case that has these effects."""
         return self._effects is effects
 
-    @property
+    @cached_property
     def sampled(self) -> Sampled:
         """The role as `record` samples it; samples go to the recording, not into effects."""
         if hasattr(self._role, "sample"):
