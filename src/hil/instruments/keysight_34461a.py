@@ -9,12 +9,10 @@ a 34461A has, and that zero correction doubles them.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
 from hil.instruments import settings
-from hil.instruments.driver import Outlet
 from hil.instruments.marks import reads
 from hil.instruments.power_roles import MULTIMETER
 from hil.instruments.sampled import Channel
@@ -113,10 +111,6 @@ class Keysight34461a(ScpiInstrument):
     speech: ClassVar[Speech] = Speech(driver="keysight-34461a", framed=True)
 
     _set_to: tuple[str, float, float] | None = None
-
-    def outlets(self) -> Sequence[Outlet]:
-        """Return nothing: a multimeter has no outputs."""
-        return ()
 
     def role(self, wire: Wire) -> Keysight34461aInput:
         """Return the quantity that the wire names."""

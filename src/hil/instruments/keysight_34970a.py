@@ -19,7 +19,6 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from hil.clock.port import Clock
 from hil.instruments import settings
-from hil.instruments.driver import Outlet
 from hil.instruments.marks import reads
 from hil.instruments.sampled import Channel, StreamReport
 from hil.instruments.scpi_instrument import ReadBack, ScpiInstrument, Speech
@@ -272,10 +271,6 @@ class Keysight34970a(ScpiInstrument):
 
     roles: ClassVar[frozenset[str]] = frozenset({"data_acquisition"})
     speech: ClassVar[Speech] = Speech(driver="keysight-34970a", framed=True)
-
-    def outlets(self) -> Sequence[Outlet]:
-        """Return none: it drives nothing."""
-        return ()
 
     @staticmethod
     def inputs(wire: Wire) -> Mapping[str, str]:

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, cast
 
 from hil.instruments import settings
-from hil.instruments.driver import Connection, Outlet
+from hil.instruments.driver import Connection
 from hil.instruments.marks import begins, drives, reads
 from hil.instruments.sampled import Channel, Frame, Screen
 from hil.instruments.scpi_block import BlockSession
@@ -296,10 +296,6 @@ class RigolDs1000z(ScpiInstrument):
     speech: ClassVar[Speech] = Speech(driver="rigol-ds1000z", error_query=":SYST:ERR?", blocks=True)
 
     _session: BlockSession
-
-    def outlets(self) -> Sequence[Outlet]:
-        """Return none: it drives nothing."""
-        return ()
 
     def role(self, wire: Wire) -> RigolScope:
         """Return the oscilloscope with the channels that the wire names."""

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-from hil.instruments.driver import TERMINATED, Clamps, Connection
+from hil.instruments.driver import TERMINATED, Clamps, Connection, Outlet
 from hil.instruments.marks import drives, reads
 from hil.instruments.pacing import PacedPort
 from hil.instruments.role import Role
@@ -237,6 +237,10 @@ class ScpiInstrument:
             framed=speech.framed,
             fields=speech.fields,
         )
+
+    def outlets(self) -> Sequence[Outlet]:
+        """Return none: what only measures drives nothing; see `hil.instruments.driver.Driver`."""
+        return ()
 
     def identify(self) -> Identity:
         """Ask `*IDN?`."""

@@ -18,7 +18,7 @@ from hil.model.notation import AnyText, NotNegative, Number, Positive
 from hil.simulation.faults import Faults, Identity
 from hil.simulation.peers.manner import DeviceTruth
 from hil.simulation.peers.model import PeerSetup
-from hil.simulation.peers.scpi import ScpiError, number, word
+from hil.simulation.peers.scpi import ScpiError, number, one, switch, word
 from hil.simulation.peers.scpi_instrument import instrument_of
 from hil.simulation.peers.scpi_manual import Act, Channel, Manual, Row, alone
 from hil.simulation.peers.supply_output import NOT_A_NUMBER, NotANumber
@@ -39,7 +39,6 @@ _OVERLOAD = 9.9e37
 _OVER = 1.2
 _AVERAGED = 8
 _SEEN_NS = 1_900_000_000  # plants can be seen that long after
-_SWITCH = {"ON": True, "1": True, "OFF": False, "0": False}
 _NR3 = "{:+.8E}".format
 
 
@@ -128,7 +127,7 @@ class FrontEnd(Channel):
         """Set the time of a reading in power line cycles; what lies between two is the longer one."""
         del now_ns
         bound = word(parameters[0]) if parameters else None
-        asked = {"MIN": _CYCLES[0], "MAX": _CYCLES[-1], "DEF": 10.0}[bound] if bound else number(_one(parameters), {})
+        asked = {"MIN": _CYCLES[0], "MAX": _CYCLES[-1], "DEF": 10.0}[bound] if bound else number(one(parameters), {})
         longer = [cycles for cycles in _CYCLES if cycles >= asked]
         if not longer or asked < _CYCLES[0]:
             raise ScpiError(-222)
@@ -137,14 +136,12 @@ class FrontEnd(Channel):
     def set_range(self, function: str, parameters: Sequence[str], now_ns: int) -> None:
         """Choose a range."""
         del now_ns
-        self.ranges[function], self.automatic[function] = self._end(function, _one(parameters)), False
+        self.ranges[function], self.automatic[function] = self._end(function, one(parameters)), False
 
     def set_automatic(self, function: str, parameters: Sequence[str], now_ns: int) -> None:
         """Let it choose, or not."""
         del now_ns
-        if (wanted := _SWITCH.get(_one(parameters).upper())) is None:
-            raise ScpiError(-224)
-        self.automatic[function] = wanted
+        self.automatic[function] = switch(one(parameters))
 
     def begin(self, parameters: Sequence[str], now_ns: int) -> None:
         """Begin a reading."""
@@ -204,12 +201,6 @@ class FrontEnd(Channel):
         first_ns = max(begun_ns, begun_ns + 2 * span_ns - _SEEN_NS)
         step_ns = max(0, begun_ns + span_ns - first_ns) // _AVERAGED
         return sum(point.observe_at(first_ns + place * step_ns) for place in range(1, _AVERAGED + 1)) / _AVERAGED
-
-
-def _one(parameters: Sequence[str]) -> str:
-    if len(parameters) != 1:
-        raise ScpiError(-108 if parameters else -109)
-    return parameters[0]
 
 
 def _rows(function: str, header: str) -> tuple[Row, ...]:

@@ -26,7 +26,7 @@ from hil.simulation.peers.manner import DeviceTruth
 from hil.simulation.peers.model import PeerSetup
 from hil.simulation.peers.scpi import ScpiError, channel_list, choice, one, switch, value
 from hil.simulation.peers.scpi_instrument import instrument_of
-from hil.simulation.peers.scpi_manual import Act, Channel, Manual, Row, alone
+from hil.simulation.peers.scpi_manual import Act, Channel, Manual, Row, Word, alone
 from hil.simulation.peers.timing import Alarm
 from hil.simulation.plants.terminal import SignalPoint
 from hil.wire.checkpoint import Kept, Stateful
@@ -342,8 +342,7 @@ _MANUAL = Manual(
         Act("ROUTe:SCAN", alone(lambda unit: unit.listed()), asked=True),
         *(_field(header) for header in ("TIME", "CHANnel", "UNIT", "ALARm")),
         Act("FORMat:READing:TIME:TYPE", _sets(lambda _, text: choice(text, "RELative"))),
-        Act("TRIGger:SOURce", _set("source", lambda text: choice(text, "IMMediate", "TIMer"))),
-        Act("TRIGger:SOURce", alone(lambda unit: unit.source), asked=True),
+        Word("TRIGger:SOURce", "source", {"IMMediate": "IMM", "TIMer": "TIM"}),
         Act("TRIGger:TIMer", _set("timer_s", lambda text: round(value(text, 0, 359_999), 3))),
         Act("TRIGger:TIMer", alone(lambda unit: _NR3(unit.timer_s)), asked=True),
         Act("TRIGger:COUNt", _set("count", _times)),
