@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shutil
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -37,7 +39,9 @@ def command(run: str, follow: bool, as_json: bool) -> int:
 
         return go_along(folder)
     found = status(folder)
-    for line in status_lines(found):
+    from hil.report.tables import fitting  # noqa: PLC0415 - heavy
+
+    for line in fitting(status_lines(found), shutil.get_terminal_size().columns if sys.stdout.isatty() else 0):
         click.echo(line)
     return 1 if found.state is State.DAMAGED else 0
 
