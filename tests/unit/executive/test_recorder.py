@@ -169,6 +169,13 @@ def test_each_criterion_fails_for_its_reason(parameter, changed):
     assert verdicts(recorded(**changed))[parameter] == "FAIL"
 
 
+def test_a_missing_channel_is_told_with_those_that_are_there():
+    """A plan that names `supply.vbat.voltage` of a recording of one role sees at once what it is called."""
+    taken = recorded(WHOLE, channels=("voltage", "x"))
+    (told,) = [value for limit, value, _ in data_checks(ASKED, [taken]) if limit.parameter == "channels"]
+    assert told == "without y; it has voltage, x"
+
+
 @pytest.mark.parametrize("lost", [[0], [3, 4], range(10)], ids=["one", "two", "all"])
 @pytest.mark.parametrize("word", [math.nan, math.inf])
 def test_samples_that_are_no_numbers_are_counted(lost, word):

@@ -226,7 +226,8 @@ def data_checks(records: Records, taken: Sequence[Mapping[str, object]]) -> Iter
         return
     found = [cast("Recorded", item["recorded"]) for item in named]
     missing = sorted({channel for item in found for channel in records.channels if channel not in item.channels})
-    yield _word(CHANNELS, "complete"), f"without {', '.join(missing)}" if missing else "complete", ""
+    has = ", ".join(dict.fromkeys(channel for item in found for channel in item.channels))
+    yield _word(CHANNELS, "complete"), f"without {', '.join(missing)}; it has {has}" if missing else "complete", ""
     if not all(item.complete for item in found):
         yield _word("end", "complete"), "incomplete", ""
     yield from _not_finite(records, found)
