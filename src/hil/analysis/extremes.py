@@ -34,6 +34,7 @@ _LOOKED_AT = 10_000  # samples that are looked at one by one
 _AROUND, _WIDEST = 8, 3  # samples on either side of a spike, and how many of them it may take
 _SAME, _MOST_LEVELS = 1e-2, 20_000
 _RESOLVED = 0.5  # counts: with less noise than this the step is no longer white noise of q^2 / 12
+_BLUE, _RESOLVED_BLUE = 0.8, 0.6  # of the variance of neighbours; counts that quantisation of the angle needs
 
 
 def saturated(channel: str, values: _Array, facts: Facts) -> Gate:
@@ -212,6 +213,19 @@ def _moves(values: _Array) -> tuple[float, int]:
     return power, count
 
 
+def _stretches(values: NDArray[np.float64]) -> float:
+    """Return the mean variance within stretches of 32 samples, of up to 4096 of them; infinity without any."""
+    if values.size < _STRETCH:
+        return math.inf
+    starts = np.linspace(0, values.size - _STRETCH, min(_STRETCHES, values.size // _STRETCH)).astype(np.int64)
+    rows = np.lib.stride_tricks.sliding_window_view(values, _STRETCH)[starts]
+    rows = rows[np.isfinite(rows).all(axis=1)]
+    return float(rows.var(axis=1, ddof=1).mean()) if rows.size else math.inf
+
+
+_STRETCH, _STRETCHES = 32, 4096
+
+
 def step_of(values: _Array) -> float | None:
     """Return the step of readings that are whole multiples of one, None if the first of them show none."""
     looked = present(values[:_MOST_LEVELS])
@@ -234,7 +248,8 @@ def resolved(channel: str, values: NDArray[np.float64], facts: Facts) -> Gate:
     """Trip where the noise before the quantiser is below half a count.
 
     Then the noise of the readings does not follow sqrt(s^2 + q^2 / 12) any more, may vanish, and averaging does not
-    help. s is taken from differences of neighbours, so that drift does not count as noise.
+    help. s is taken from differences of neighbours, so that drift does not count as noise; quantisation of the angle
+    moves neighbours apart by more than it scatters, so that short stretches of the record have to scatter as well.
     """
     lsb = facts.lsb or step_of(values)
     if lsb is None:
@@ -242,9 +257,10 @@ def resolved(channel: str, values: NDArray[np.float64], facts: Facts) -> Gate:
     power, count = _moves(values)
     if not count:
         return Gate(name="resolved", channel=channel, ok=None, reason="no two samples follow each other")
-    scatter = math.sqrt(power / count / 2.0) / lsb
-    least = math.sqrt(_RESOLVED**2 + 1.0 / 12.0)
-    reason = f"neighbours scatter by {scatter:.2g} counts, and {least:.2g} are needed"
+    moves, stretches = power / count / 2.0, _stretches(values)
+    scatter = math.sqrt(min(moves, stretches)) / lsb
+    least = math.hypot(_RESOLVED_BLUE if stretches < _BLUE * moves else _RESOLVED, 1.0 / math.sqrt(12.0))
+    reason = f"samples scatter by {scatter:.2g} counts, and {least:.2g} are needed"
     if facts.lsb is None:
         reason += f"; one count is {lsb:.4g}, as the readings show"
     return Gate(name="resolved", channel=channel, ok=scatter >= least, reason=reason)

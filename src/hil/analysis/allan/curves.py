@@ -2,8 +2,8 @@
 
 Averages over the cells of a record are taken apart into cosines (DCT-II), which are nearly independent under white
 noise, flicker and random walk; their variances are those of the spectrum at k / 2T. Models are compared by the
-likelihood of Whittle (1953), with a straight line in all of them: noise alone, white noise with a curve, and all noises
-with a curve. Curves are exponentials and sines; the one that explains most stands for its kind.
+likelihood of Whittle (1953), with a straight line in all of them: noise alone, and white noise, white noise with
+flicker, or all noises with a curve. Curves are exponentials and sines; the one that explains most stands for its kind.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ _STEPS = 40  # of fitting noise
 _SETTLED = 1e-3  # by which the log likelihood still grows from round to round
 _ALIKE = 1e-9  # of the second part of a curve, what the first leaves of it where there is none
 _CURVE = 30.0  # by which twice the log likelihood grows with a curve; of 480 records of noise alone none reached it
+_WALK = -5.0  # by which random walk must be more likely than a curve in its place, which leads by 8 and more by chance
 _NOISE = 3.0  # by which slow noise must be more likely than white noise with a curve, which leads by 7 and more
 
 
@@ -38,12 +39,14 @@ class Slow:
     Attributes:
         curve: description of a curve that the record holds, empty if it shows none.
         noise: whether slow noise is more likely than white noise with a curve.
+        walk: whether random walk is as likely as a curve in its place, with white noise and flicker.
         gain: twice the log likelihood that the curve adds to all noises.
         lead: that of slow noise over white noise with a curve.
     """
 
     curve: str
     noise: bool
+    walk: bool
     gain: float
     lead: float
 
@@ -64,10 +67,11 @@ def slow(values: _Array, rate: float) -> Slow | None:
     design = _spectra(means.size, step)
     alone, _ = _likelihood(parts, design, curved=False)
     simple, _ = _likelihood(parts, design[:, :1], curved=True)
+    without, _ = _likelihood(parts, design[:, :2], curved=True)
     both, best = _likelihood(parts, design, curved=True)
     gain, lead = 2.0 * (both - alone), 2.0 * (alone - simple)
     curve = _described(best, means.size * step) if gain > _CURVE else ""
-    return Slow(curve=curve, noise=lead > _NOISE, gain=gain, lead=lead)
+    return Slow(curve=curve, noise=lead > _NOISE, walk=2.0 * (alone - without) > _WALK, gain=gain, lead=lead)
 
 
 def _means(values: _Array, rate: float) -> tuple[_Array, float]:

@@ -36,6 +36,7 @@ _DISCRETE_UP_TO = 32  # averaging factor above which sampled flicker is its floo
 _UNIFORM = (
     1.2 * 36.0 / 140.0
 )  # by which errors of quantisation, evenly spread, make a variance scatter less than Gaussian ones
+_ONE_SIDED = 1.6449  # standard deviations, of 95 %
 _PENALTY = 9.0  # of a term, in chi-square: three standard deviations, passed by chance once in 400 records
 
 
@@ -252,12 +253,14 @@ def _judged(work: _Work, squares: _Array, covariance: _Array) -> Fit:
     estimator = _estimator(design, model, lower)
     offered = estimator @ variance
     weighted = estimator * model
+    spread = np.asarray(weighted @ covariance @ weighted.T, dtype=np.float64)
     bounds = [_bound(design, squares, estimator, covariance, float(offered[term]), term) for term in range(4)]
+    taken = design[:, 0] * max(0.0, _ONE_SIDED * math.sqrt(spread[0, 0]) - float(offered[0]))
     return Fit(
         squares=squares,
         offered=offered,
-        covariance=np.asarray(weighted @ covariance @ weighted.T, dtype=np.float64),
-        bound=np.minimum(_alone(variance, model, design, np.diag(covariance)), np.maximum(bounds, squares)),
+        covariance=spread,
+        bound=np.minimum(_alone(variance, model, design, np.diag(covariance), taken), np.maximum(bounds, squares)),
         selected=tuple((squares != 0.0).tolist()),
         chi=math.sqrt(misfit / left),
         tail=float(gammaincc(left / 2.0, misfit / 2.0)),
@@ -273,7 +276,7 @@ def _bound(design: _Array, squares: _Array, estimator: _Array, covariance: _Arra
     others = design @ np.where(np.arange(4) == term, 0.0, squares)
     still, moved = estimator[term] * others, estimator[term] * design[:, term]
     found = max(offered, 0.0)
-    quantile = 1.6449**2
+    quantile = _ONE_SIDED**2
     constant, linear = quantile * float(still @ covariance @ still), quantile * float(still @ covariance @ moved)
     square = 1.0 - quantile * float(moved @ covariance @ moved)
     if square <= 0.0:
@@ -282,13 +285,14 @@ def _bound(design: _Array, squares: _Array, estimator: _Array, covariance: _Arra
     return (half + math.sqrt(max(0.0, half**2 - square * (found**2 - constant)))) / square
 
 
-def _alone(variance: _Array, model: _Array, design: _Array, relative: _Array) -> _Array:
+def _alone(variance: _Array, model: _Array, design: _Array, relative: _Array, taken: _Array) -> _Array:
     """Bound of each square if its term were all there is at one point, at 95 %: chi-square, SP1065 equation 45.
 
-    The point is chosen by the model, not by the data, so that choosing it costs no confidence.
+    The point is chosen by the model, not by the data, so that choosing it costs no confidence. What a filter may have
+    taken off a point comes back.
     """
     from scipy.special import gammaincinv  # noqa: PLC0415 - scipy is slow to import
 
     widening = 1.0 / (relative * gammaincinv(1.0 / relative, 0.05))
-    best = np.argmin((model * widening)[:, None] / design, axis=0)
-    return np.asarray((variance * widening)[best] / design[best, np.arange(design.shape[1])], dtype=np.float64)
+    best = np.argmin((model * widening + taken)[:, None] / design, axis=0)
+    return np.asarray((variance * widening + taken)[best] / design[best, np.arange(design.shape[1])], dtype=np.float64)

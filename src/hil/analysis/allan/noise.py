@@ -18,6 +18,7 @@ from hil.analysis.allan.curves import Slow, slow
 from hil.analysis.allan.deviation import deviation
 from hil.analysis.allan.ends import line, slope_variances, without
 from hil.analysis.allan.results import AllanCurve, NoiseModel
+from hil.analysis.allan.rolloff import Filter, rolloff
 from hil.analysis.statistics import not_observable
 from hil.analysis.tracing import traced
 from hil.model.errors import Refused
@@ -27,7 +28,7 @@ __all__ = ["MovingAverage", "best_average", "characterise", "rest_mean"]
 
 _FEWEST_POINTS = 6  # two more than four terms
 _WORST_TAIL = 1e-3  # a right model is rejected once in a thousand records, as a misfit, and once as too good a fit
-_GOOD_TAIL = 0.05  # below it the shortest averaging times are left out, as long as that helps
+_GOOD_TAIL = 0.05  # that leaving out the shortest averaging times has to reach where the model is rejected with them
 _SLOWEST, _FASTEST = 1e-9, 1e12  # Hz; beyond them products of rates and averaging times leave the range of numbers
 _SMALLEST, _LARGEST = 1e-40, 1e40  # of a deviation whose fourth power, times those of rates, is a number
 _KNOWN = 2.0  # a measured square is at least twice its standard uncertainty
@@ -56,15 +57,16 @@ def characterise(
     sampled form. R is the slope of the straight line through the record; the others are fitted by `allan_fit.fit` to
     the overlapping Allan variance, at octaves of tau, of the record without that line.
 
-    A filter before the sampling takes a part off that fades as 1 / tau^2; it is fitted with Q. Where the misfit has a
-    probability below 0.05, the shortest averaging times are left out, up to half of the points, and then one more. A
-    misfit below 0.001 is rejected, and so is a fit that is too good, of a probability above 0.999.
+    A filter before the sampling takes a part off that fades as 1 / tau^2; it is fitted with Q. Averaging times below
+    five time constants of a filter that the spectrum shows (`rolloff`) are left out. Where the misfit has a probability
+    below 0.001, the shortest ones are left out until it is 0.05, up to half of the points, and then one more; if that
+    does not help, the model is rejected. So is a fit that is too good, of a probability above 0.999.
 
     A coefficient is MEASURED where the criterion keeps its term and its square is known to 50 % or better; else an
     UPPER_LIMIT, whose value is a bound at 95 % confidence, and whose uncertainty is that of the estimate below it.
     Flicker, random walk and ramp are also limits where the record shows a curve, or where white noise with a curve
-    explains it as well (`curves.slow`). Quantisation is NOT_OBSERVABLE where a filter may hide it. Degrees of freedom
-    are those of a chi-square with the relative uncertainty of the square.
+    explains it as well, and random walk where flicker with a curve does (`curves.slow`). Quantisation is NOT_OBSERVABLE
+    where a filter may hide it. Degrees of freedom are those of a chi-square with the relative spread of the square.
 
     Args:
         data: evenly spaced rate at rest, shape (n,), in `unit`.
@@ -91,23 +93,28 @@ def characterise(
     bare = deviation(without(values, slope), rate, holes=holes)
     if not curve.deviation.all():
         return _unobservable(curve, "the deviation is zero at some averaging times: too few distinct samples")
-    shortest = max(tau_min, 1.0 / bandwidth if bandwidth else 0.0)
+    straight = bare.deviation[0] <= _NO_NOISE * (abs(mean) + abs(slope) * values.size)
+    shown = None if straight else rolloff(values, rate)
+    shortest = max(tau_min, 1.0 / bandwidth if bandwidth else 0.0, shown.settling if shown else 0.0)
     usable = np.flatnonzero((bare.tau >= shortest * (1.0 - 1e-9)) & (bare.tau <= tau_max * (1.0 + 1e-9)))
     if usable.size < _FEWEST_POINTS:
-        times = "time" if usable.size == 1 else "times"
-        limited = ", or allow the fit more of them" if usable.size < bare.tau.size else ""
-        return _unobservable(
-            curve,
-            f"{usable.size} averaging {times} can be fitted and {_FEWEST_POINTS} are needed: record longer{limited}",
-        )
-    if bare.deviation[0] <= _NO_NOISE * (abs(mean) + abs(slope) * values.size):
+        return _unobservable(curve, _too_few(int(usable.size), bare.tau.size, shown))
+    if straight:
         return _unobservable(curve, "the samples are a straight line without noise")
     found, start = _fitted(bare, usable)
     slowly = slow(values, rate) if max(found.squares[2:]) > 0.0 or slope else None
     ramp = _Ramp.of(found, slope * rate, curve)
+    corner = shown.corner if shown else bandwidth
     if scale == 1.0:
-        return _model(curve, found, start, bool(bandwidth), ramp, slowly)
-    return _model(curve.scaled(1.0 / scale), found, start, bool(bandwidth), ramp, slowly).scaled(scale)
+        return _model(curve, found, start, corner, ramp, slowly)
+    return _model(curve.scaled(1.0 / scale), found, start, corner, ramp, slowly).scaled(scale)
+
+
+def _too_few(usable: int, all_times: int, shown: Filter | None) -> str:
+    times = "time" if usable == 1 else "times"
+    limited = ", or allow the fit more of them" if usable < all_times and not shown else ""
+    filtered = f" beyond the filter near {shown.corner:.2g} Hz that the record shows" if shown else ""
+    return f"{usable} averaging {times}{filtered} can be fitted and {_FEWEST_POINTS} are needed: record longer{limited}"
 
 
 def _scale(size: float) -> float:
@@ -116,20 +123,21 @@ def _scale(size: float) -> float:
 
 
 def _fitted(bare: AllanCurve, usable: NDArray[np.intp]) -> tuple[allan_fit.Fit, int]:
-    """Return the fit of the points that noise explains, from which on the filter does not matter, and its first."""
+    """Return the fit of the points that noise explains, from which on no filter matters, and its first.
+
+    Where the model is rejected with the shortest averaging times, it is tried without them: up to half of the points,
+    and then one more, because what is left of a filter there is within the noise.
+    """
     first, end = int(usable[0]), int(usable[-1]) + 1
+    whole = allan_fit.fit(_points(bare, first, end))
+    if whole.tail >= _WORST_TAIL:
+        return whole, first
     last = first + min(usable.size // 2, usable.size - _FEWEST_POINTS)
-    fits = {}
-    for start in range(first, last + 1):
-        fits[start] = allan_fit.fit(_points(bare, start, end))
-        if fits[start].tail >= _GOOD_TAIL:
-            break
-    enough = min(_GOOD_TAIL, max(found.tail for found in fits.values()) / 3.0)
-    best = next(start for start, found in fits.items() if found.tail >= enough)
-    if fits[best].tail < _WORST_TAIL or best == first:
-        return fits[first], first
-    beyond = min(best + 1, last)  # what is left of the filter there is within the noise
-    return allan_fit.fit(_points(bare, beyond, end)), beyond
+    for start in range(first + 1, last + 1):
+        if allan_fit.fit(_points(bare, start, end)).tail >= _GOOD_TAIL:
+            beyond = min(start + 1, last)
+            return allan_fit.fit(_points(bare, beyond, end)), beyond
+    return whole, first
 
 
 def _points(curve: AllanCurve, start: int, end: int) -> allan_fit.Points:
@@ -177,16 +185,16 @@ class _Ramp:
 
 
 def _model(
-    curve: AllanCurve, found: allan_fit.Fit, start: int, filtered: bool, ramp: _Ramp, slowly: Slow | None
+    curve: AllanCurve, found: allan_fit.Fit, start: int, corner: float | None, ramp: _Ramp, slowly: Slow | None
 ) -> NoiseModel:
     rejected = not _WORST_TAIL <= found.tail <= 1.0 - _WORST_TAIL
-    doubted = slowly is not None and bool(slowly.curve or not slowly.noise)
+    doubted = _doubted(slowly)
     figures = {
-        name: _figure(found, term, unit, rejected, doubted and name in {"flicker", "random_walk"})
+        name: _figure(found, term, unit, rejected, name in doubted)
         for term, (name, unit) in enumerate(zip(_SQUARES, _units(curve.unit), strict=False))
     }
     figures["ramp"] = ramp.figure(_units(curve.unit)[-1], doubted=slowly is not None and slowly.gain > _BENT)
-    bent = filtered or found.squares[0] < 0.0 or int(curve.m[start]) > 1
+    bent = bool(corner) or found.squares[0] < 0.0 or int(curve.m[start]) > 1
     if rejected:
         figures = {
             name: replace(each, uncertainty=None, dof=math.inf, status=_REJECTED) for name, each in figures.items()
@@ -202,15 +210,24 @@ def _model(
         fitted=np.sqrt(allan_fit.variances(curve.m, curve.rate) @ squares + drift * np.square(curve.tau)),
         chi=found.chi,
         tau_min=float(curve.tau[start]),
-        remark="; ".join(_remarks(curve, found, start, slowly)),
+        remark="; ".join(_remarks(curve, found, start, corner, slowly)),
     )
+
+
+def _doubted(slowly: Slow | None) -> set[str]:
+    """Return the names of the terms that a curve may be taken for."""
+    if slowly is None or (slowly.walk and slowly.noise and not slowly.curve):
+        return set()
+    return {"flicker", "random_walk"} if slowly.curve or not slowly.noise else {"random_walk"}
 
 
 _REJECTED = FigureStatus.MODEL_REJECTED
 _NOWHERE = Figure(value=math.nan, unit="1", status=FigureStatus.NOT_OBSERVABLE)
 
 
-def _remarks(curve: AllanCurve, found: allan_fit.Fit, start: int, slowly: Slow | None) -> Iterator[str]:
+def _remarks(
+    curve: AllanCurve, found: allan_fit.Fit, start: int, corner: float | None, slowly: Slow | None
+) -> Iterator[str]:
     if found.tail < _WORST_TAIL:
         yield (
             f"quantisation, white noise, flicker and random walk do not describe this record (chi {found.chi:.1f}): "
@@ -221,12 +238,15 @@ def _remarks(curve: AllanCurve, found: allan_fit.Fit, start: int, slowly: Slow |
             f"the fit is better than noise allows (chi {found.chi:.2f}): the samples were smoothed, interpolated or "
             "repeated, or are no noise"
         )
-    elif found.squares[0] < 0.0:
-        yield f"a filter before the sampling bends the curve, fitted from {curve.tau[start]:.4g} s"
+    elif corner or found.squares[0] < 0.0:
+        place = f" near {corner:.2g} Hz" if corner else ""
+        yield f"a filter{place} before the sampling bends the curve, fitted from {curve.tau[start]:.4g} s"
     if slowly is not None and slowly.curve:
         yield f"the record holds {slowly.curve}: flicker, random walk and ramp are bounds"
     elif slowly is not None and not slowly.noise and max(found.squares[2:]) > 0.0:
         yield "a warm-up or an oscillation explains the record as well: flicker and random walk are bounds"
+    elif slowly is not None and not slowly.walk and found.squares[3] > 0.0:
+        yield "a warm-up or an oscillation with flicker explains the record as well: random walk is a bound"
 
 
 def _figure(found: allan_fit.Fit, term: int, unit: str, rejected: bool, doubted: bool) -> Figure:
