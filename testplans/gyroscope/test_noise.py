@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hil.analysis import MovingAverage, assess, characterise, not_observable, observed
+from hil.analysis import MovingAverage, agreement, assess, characterise, not_observable, observed, psd
 from hil.plan import Curve, Figure
 
 AXES = "xyz"
@@ -72,7 +72,9 @@ def test_noise_at_rest(chamber, rotation, rate_sensor, doubts_of, record, check,
         with step(f"Characterise axis {axis}"):
             unit = rest.unit(axis)
             model = model_of(rest[axis], rate, unit, parameters)
+            disagreements = ()
             if model is not None:
+                disagreements = agreement(psd(rest[axis], rate, unit), model).doubts()
                 fitted = (model.curve.tau, model.fitted) if len(model.fitted) else None
                 chart(
                     "Allan deviation at rest",
@@ -85,4 +87,5 @@ def test_noise_at_rest(chamber, rotation, rate_sensor, doubts_of, record, check,
                 )
             for (requirement, parameter), figure in figures_of(model, unit, queue).items():
                 headline = HEADLINES.get(parameter, "")
-                check(requirement, parameter, figure, of=axis, doubts=doubts, at=f"axis {axis}", headline=headline)
+                told = [*doubts, *disagreements]
+                check(requirement, parameter, figure, of=axis, doubts=told, at=f"axis {axis}", headline=headline)

@@ -261,3 +261,5 @@ def test_a_spectrum_agrees_with_the_allan_deviation():
     assert found.random_walk.status is found.quantisation.status is FigureStatus.NOT_OBSERVABLE
     wrong = agreement(spectral, characterise(data, 1.0, "deg/s"))
     assert abs(wrong.white.value - 1.0) > 10.0 * wrong.white.uncertainty
+    assert found.doubts() == ()
+    assert wrong.doubts()[0].startswith("white of the spectrum is 0.1 times")

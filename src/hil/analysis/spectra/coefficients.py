@@ -188,6 +188,15 @@ class Agreement:
     flicker: Figure
     random_walk: Figure
 
+    def doubts(self) -> tuple[str, ...]:
+        """Return a sentence for each ratio that is off 1 by more than four standard uncertainties."""
+        ratios = {name.replace("_", " "): getattr(self, name) for name in Agreement.__slots__}
+        return tuple(
+            f"{name} of the spectrum is {ratio.value:.3g} times that of the Allan deviation"
+            for name, ratio in ratios.items()
+            if ratio.uncertainty is not None and abs(ratio.value - 1.0) > _CLEARLY * ratio.uncertainty
+        )
+
 
 @traced
 def agreement(spectral: SpectralNoise, allan: NoiseModel) -> Agreement:
