@@ -12,7 +12,7 @@ from evidence_runs import begin, check, sealed_run, write_report
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hil.documents.canonical import JsonError, canonical, parse_strict
+from hil.documents.canonical import JsonError, canonical, digest, parse_strict
 from hil.evidence.events.codec import is_text_of, quick_canonical
 from hil.evidence.package.sealing import seal
 from hil.evidence.package.verification import State, verify
@@ -124,6 +124,13 @@ def test_a_text_is_known_again_as_the_writer_writes_it(value):
     read = parse_strict(canonical(value))
     for text in (canonical(value), msgspec.json.encode(read, order="sorted"), msgspec.json.encode([read])[1:-1]):
         assert is_text_of(text, read) is (text == canonical(read))
+
+
+@given(READABLE)
+@settings(max_examples=sweeps.examples(300), deadline=None)
+def test_a_digest_is_the_same_where_numbers_are_known_to_be_finite(value):
+    """The library writes the text only where it is the canonical one."""
+    assert digest(value, finite=True) == digest(value)
 
 
 @pytest.mark.parametrize(

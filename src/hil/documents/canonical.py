@@ -5,16 +5,18 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import re
 from collections import Counter
 from collections.abc import Callable
 from json.encoder import encode_basestring
 from typing import Any
 
+import msgspec
 import rfc8785
 
 from hil.model.errors import HilError
 
-__all__ = ["JsonError", "Unusual", "canonical", "digest", "parse_strict", "quick_text"]
+__all__ = ["JsonError", "Unusual", "canonical", "digest", "library_text", "parse_strict", "quick_text"]
 
 _LARGEST = 2**53 - 1
 _DIGITS = len(str(_LARGEST))
@@ -120,9 +122,57 @@ def _complete(value: object) -> bytes:
         raise JsonError(f"this cannot be written as canonical JSON: {error}") from error
 
 
-def digest(value: object) -> str:
-    """Return the SHA-256 of the canonical JSON of `value`, as hexadecimal digits."""
-    return hashlib.sha256(canonical(value)).hexdigest()
+def digest(value: object, *, finite: bool = False) -> str:
+    """Return the SHA-256 of the canonical JSON of `value`, as hexadecimal digits.
+
+    Args:
+        value: the value.
+        finite: whether it is known that all numbers are finite, as in what was read from JSON; then it is quicker.
+    """
+    return hashlib.sha256((finite and _told_by_library(value)) or canonical(value)).hexdigest()
+
+
+def _told_by_library(value: object) -> bytes:
+    """Return the canonical JSON of a value whose numbers are finite; nothing where the library may write another."""
+    try:
+        text, canonical_too = library_text(value)
+    except (TypeError, UnicodeEncodeError, RecursionError):
+        return b""
+    return text if canonical_too and b"\\" not in text else b""
+
+
+def library_text(value: object) -> tuple[bytes, bool]:
+    """Return the library's JSON of a value, and whether that is the canonical one, escapes of characters aside.
+
+    The library writes ten times as fast. Its text is the canonical one, too, where no number in it is one that RFC 8785
+    writes in a form of its own, and no key one that it orders otherwise; whether one may be is seen without reading the
+    text. NaN and infinities become null.
+    """
+    text = _ENCODE(value)
+    if b".0" in text:
+        text = _WHOLE.sub(rb'":\1', text)
+    return text, not _in_doubt(text)
+
+
+_ENCODE = msgspec.json.Encoder(order="sorted").encode
+_WHOLE = re.compile(rb'":(?<=[0-9A-Za-z]":)(-?[1-9][0-9]*|0)\.0(?=[,}])')
+"""A whole number; where no key ends before it, it stands in a text that begins with a colon."""
+_ZEROS = bytes.maketrans(b"123456789", b"000000000")
+_LONG = b"0" * 16
+_LONG_INTEGER = re.compile(b"[:,[-]0{16}")
+"""One of the largest integers of JSON, after what may stand before it; a fraction may have as many digits."""
+_BEYOND = re.compile(b"[\xf0-\xf7]")
+"""How characters begin by which RFC 8785 orders keys otherwise."""
+
+
+def _in_doubt(text: bytes) -> bool:
+    """Return whether a text of the library may hold what RFC 8785 writes otherwise: looked at with all digits 0."""
+    if b".0," in text or b".0}" in text or b".0]" in text:  # a whole number that is not a member
+        return True
+    zeros = text.translate(_ZEROS)
+    if b"0e0" in zeros or b"0e-" in zeros or (_LONG in zeros and _LONG_INTEGER.search(zeros) is not None):
+        return True
+    return not text.isascii() and _BEYOND.search(text) is not None
 
 
 def parse_strict(data: bytes) -> object:

@@ -93,7 +93,8 @@ def read_lock(plan: Path, shown: str, findings: Findings) -> dict[str, Locked] |
         wrong: list[Keys] = [error.problems[0].path]
     else:
         # A meaning has the fingerprint beside it: nobody can have written anything else.
-        lost = (id_ for id_, each in locked.items() if each.meaning and digest(each.meaning) != each.fingerprint)
+        written = ((id_, each) for id_, each in locked.items() if each.meaning)
+        lost = (id_ for id_, each in written if digest(each.meaning, finite=True) != each.fingerprint)
         wrong = [("requirements", id_, "fingerprint") for id_ in lost]
         if not wrong:
             return locked

@@ -245,7 +245,7 @@ class _Meant(NamedTuple):
 @lru_cache(maxsize=_KEPT)
 def _fingerprint(meant: _Meant) -> str:
     """Return the digest of a meaning; a command asks for that of every requirement several times."""
-    return digest(meant.as_json())
+    return digest(meant.as_json(), finite=True)
 
 
 def _collapsed(text: str) -> str:

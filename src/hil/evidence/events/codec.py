@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 
 import msgspec
 
-from hil.documents.canonical import JsonError, Unusual, canonical, quick_text
+from hil.documents.canonical import JsonError, Unusual, canonical, library_text, quick_text
 from hil.documents.suggest import did_you_mean
 from hil.evidence.events import bench, cases, code, people, recordings, run
 from hil.evidence.events.event import Event
@@ -35,41 +35,18 @@ def quick_canonical(value: object) -> bytes:
 def is_text_of(text: bytes, value: object, *, plain_numbers: bool = False) -> bool:
     """Return whether `quick_canonical` gives this text, for what was read from JSON or derived from it.
 
-    The library writes a value ten times as fast. Its text is the canonical one, too, where no number in it is one that
-    RFC 8785 writes in a form of its own; whether one may be is seen without reading the text.
-
     Args:
         text: the text.
         value: the value.
         plain_numbers: whether it is known that all numbers are whole and have less than 16 digits, and all keys ASCII.
     """
-    quick = _ENCODE(value)
     if plain_numbers:
-        return quick == text
-    if b".0" in quick:
-        quick = _WHOLE.sub(rb'":\1', quick)
-    return (quick == text and not _in_doubt(quick)) or quick_canonical(value) == text
+        return _ENCODE(value) == text
+    quick, is_canonical = library_text(value)
+    return (quick == text and is_canonical) or quick_canonical(value) == text
 
 
 _ENCODE = msgspec.json.Encoder(order="sorted").encode
-_WHOLE = re.compile(rb'":(?<=[0-9A-Za-z]":)(-?[1-9][0-9]*|0)\.0(?=[,}])')
-"""A whole number; where no key ends before it, it stands in a text that begins with a colon."""
-_ZEROS = bytes.maketrans(b"123456789", b"000000000")
-_LONG = b"0" * 16
-_LONG_INTEGER = re.compile(b"[:,[-]0{16}")
-"""One of the largest integers of JSON, after what may stand before it; a fraction may have as many digits."""
-_BEYOND = re.compile(b"[\xf0-\xf7]")
-"""How characters begin by which RFC 8785 orders keys otherwise."""
-
-
-def _in_doubt(text: bytes) -> bool:
-    """Return whether a text of the library may hold what RFC 8785 writes otherwise: looked at with all digits 0."""
-    if b".0," in text or b".0}" in text or b".0]" in text:  # a whole number that is not a member
-        return True
-    zeros = text.translate(_ZEROS)
-    if b"0e0" in zeros or b"0e-" in zeros or (_LONG in zeros and _LONG_INTEGER.search(zeros) is not None):
-        return True
-    return not text.isascii() and _BEYOND.search(text) is not None
 
 
 def told(value: msgspec.Struct) -> dict[str, object]:

@@ -6,7 +6,7 @@ import hashlib
 import os
 import sys
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import islice, takewhile
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -103,6 +103,7 @@ class JournalReading:
         torn: bytes after the last newline, `LONGEST_LINE` at most.
         findings: where lines cannot be read, or chain or sequence break.
         head: SHA-256 of the last line.
+        events: the events, in order.
     """
 
     lines: tuple[JournalLine, ...]
@@ -110,11 +111,11 @@ class JournalReading:
     torn: bytes
     findings: tuple[Finding, ...]
     head: str
+    events: tuple[Event, ...] = field(init=False, repr=False, compare=False)
 
-    @property
-    def events(self) -> tuple[Event, ...]:
-        """The events, in order."""
-        return tuple(line.event for line in self.lines)
+    def __post_init__(self) -> None:
+        """Gather the events once: they are asked for many times."""
+        object.__setattr__(self, "events", tuple([line.event for line in self.lines]))
 
     @property
     def content_digest(self) -> str:
@@ -342,7 +343,7 @@ def _parts(raw: bytes, *, whole: bool) -> tuple[Body, Body, str]:
 def _shared(fields: Mapping[str, Any]) -> dict[str, Any]:
     """Return an object whose names and short texts are one with those of other lines: weeks of events say the same."""
     return {
-        sys.intern(name): sys.intern(value) if type(value) is str and len(value) <= _SHORT else value
+        name: sys.intern(value) if type(value) is str and len(value) <= _SHORT else value
         for name, value in fields.items()
     }
 
