@@ -22,7 +22,7 @@ from hil.evidence.package.verification import State, verify
 from hil.evidence.results.derived import results_of
 from hil.evidence.results.eligibility import of_simulation
 from hil.evidence.results.facts import FrozenCalibration, read_json
-from hil.evidence.results.outcome import EXCEPTION, NO_OTHERS, OTHERS, write_outcome
+from hil.evidence.results.outcome import AS_INSTALLED, EXCEPTION, EXECUTED, NO_OTHERS, OTHERS, write_outcome
 from hil.evidence.runs import run_folders
 from hil.model.errors import EvidenceError, HilError
 from hil.model.identity import Source
@@ -190,8 +190,18 @@ def _told(folder: Path, package: Package) -> Package:
         results=dict(_results(said, _fingerprints(folder), run.source, unit=simulated)),
         orphans=tuple(case.case for case in said.cases if not case.requirements),
         exceptions=tuple(_exceptions(said.conditions or ())),
-        others=tuple(each.text for each in said.conditions or () if each.name == OTHERS and each.text != NO_OTHERS),
+        others=tuple(_others(said.conditions or ())),
     )
+
+
+def _others(conditions: Iterable[_Condition]) -> Iterator[str]:
+    """Give what is of other packages: what offers a driver or the like, and what was only executed, such as late."""
+    texts = [each.text for each in conditions if each.name == OTHERS and each.text != NO_OTHERS]
+    yield from texts
+    for each in conditions:
+        if each.name == EXECUTED and (ran := each.text.removeprefix(f"{AS_INSTALLED}, that of ")) != each.text:
+            named = ran.removesuffix(" included").split(", ")
+            yield from (f"{name} was executed, as installed" for name in named if not any(name in it for it in texts))
 
 
 def _exceptions(conditions: Iterable[_Condition]) -> Iterator[tuple[str, str]]:

@@ -77,18 +77,23 @@ def test_what_stands_for_hardware_is_read_with_its_instrument_and_its_reason(tmp
     assert package.exceptions == (("psu2", port),)
 
 
-def test_drivers_of_other_packages_are_read(tmp_path):
-    """What the conditions of the run say of them."""
+def test_parts_of_other_packages_are_read(tmp_path):
+    """What offers a driver, and what was only executed, such as by a late import."""
     folder = tmp_path / RUN
     folder.mkdir()
     journal = begin(folder)
     other = {"name": "hil-ina226", "version": "1.2", "offers": ["driver ina226"], "from": "index", "recorded": True}
-    told = {**SOFTWARE, "format": 2, "others": [other], "start": [], "strays": []}
+    told = {**SOFTWARE, "format": 3, "others": [other], "start": [], "strays": []}
     (folder / "data/software.json").write_bytes(canonical(told))
     whole_case(folder, journal)
+    journal.write(event_of("executed", packages=["hil-ina226 1.2", "helper 2.0", "late 3.1"], last=True), 5.0)
     seal(folder, journal, exit_code=0, write_reports=write_report)
     (package,) = read_packages(tmp_path, Cache(None, ""))
-    assert package.others == ("driver ina226 of package hil-ina226 1.2 is as it was installed from an index",)
+    assert package.others == (
+        "driver ina226 of package hil-ina226 1.2 is as it was installed from an index",
+        "helper 2.0 was executed, as installed",
+        "late 3.1 was executed, as installed",
+    )
 
 
 @pytest.mark.parametrize("cut", [False, True])

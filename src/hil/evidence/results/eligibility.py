@@ -11,7 +11,7 @@ from functools import cache, lru_cache
 
 from hil.evidence.events import Check, Gate
 from hil.evidence.results.facts import Facts, FrozenCalibration, FrozenRequirement
-from hil.evidence.results.outcome import EXCEPTION, CaseOutcome, Condition
+from hil.evidence.results.outcome import AS_INSTALLED, EXCEPTION, EXECUTED, CaseOutcome, Condition
 from hil.evidence.results.software import TELLS_OF_EXECUTED, condition, each_of, of_software
 from hil.evidence.state import RunState
 from hil.model.identity import Model, Purpose, Source
@@ -224,8 +224,8 @@ def _executed(state: RunState, facts: Facts) -> Iterator[Condition]:
     told = [problem for each in state.executed for problem in each.problems]
     missing = [] if last else ["the code that ran was not compared with what was installed when the run ended"]
     besides = ", ".join(last.packages) if last else ""
-    proof = f"the code that ran is as it was installed{f', that of {besides} included' * bool(besides)}"
-    yield from each_of("executed", [*told, *missing], proof)
+    proof = f"{AS_INSTALLED}{f', that of {besides} included' * bool(besides)}"
+    yield from each_of(EXECUTED, [*told, *missing], proof)
 
 
 def _course(state: RunState) -> Iterator[Condition]:

@@ -12,7 +12,9 @@ from hil.evidence.events.codec import convert, decode, is_text_of, plain, quick_
 from hil.model.verdict import Verdict
 
 __all__ = [
+    "AS_INSTALLED",
     "EXCEPTION",
+    "EXECUTED",
     "FORMAT",
     "NO_OTHERS",
     "OTHERS",
@@ -130,6 +132,14 @@ OTHERS = "others"
 
 NO_OTHERS = "every driver and role is of hil itself"
 """What the condition says where there is none."""
+
+
+EXECUTED = "executed"
+"""The name of conditions about code that ran, whoever imported it."""
+
+
+AS_INSTALLED = "the code that ran is as it was installed"
+"""How the condition begins where nothing speaks against it."""
 
 
 class Condition(Part, frozen=True, kw_only=True):
