@@ -6,6 +6,8 @@ import base64
 import dis
 import hashlib
 import importlib
+import json
+import math
 import os
 import py_compile
 import socket
@@ -17,6 +19,7 @@ from types import CodeType, ModuleType
 import msgspec
 import pytest
 from evidence_runs import SOFTWARE, run_fields
+from serial import serialutil
 from typed_events import event_of
 
 from hil.documents.canonical import canonical, parse_strict
@@ -241,6 +244,29 @@ def test_a_part_of_hil_that_others_replaced_before_is_told(tmp_path, monkeypatch
     setattr(module.Terminals if owner else module, called, value)
     (told,) = (each for each in ran.last_problems() if "replaced" in each)
     assert told == f"lying_psu/driver.py replaced hil.terminals.{name}, which is a part of hil"
+
+
+@pytest.mark.parametrize(
+    ("module", "owner", "name", "told"),
+    [
+        (serialutil, serialutil.SerialBase, "read_until", "serial.serialutil.SerialBase.read_until"),
+        (socket, socket.socket, "recv", "socket.socket.recv"),
+        (json, json, "dumps", "json.dumps"),
+        (math, math, "hypot", "math.hypot"),
+        (json, json, "of_an_extension", ""),
+    ],
+)
+def test_a_function_of_a_library_that_others_replaced_is_told(tmp_path, monkeypatch, module, owner, name, told):
+    """What drives ports and counts figures can lie as well as hil; what a library took from others is its own."""
+    monkeypatch.setattr(executed, "product_source", dict)
+    ran = Executed(Inputs(tmp_path), {module.__name__: module, "its alias": module}, tmp_path / "no maps")
+    assert [each for each in ran.last_problems() if "replaced" in each] == []
+    false = {}
+    source = "def lie(*given): return b'4.98E-02'"
+    exec(compile(source, str(tmp_path / "quiet/lies.py"), "exec"), false)  # noqa: S102
+    monkeypatch.setattr(owner, name, false["lie"], raising=False)
+    found = [each for each in ran.last_problems() if "replaced" in each]
+    assert found == ([f"quiet/lies.py replaced {told}, which hil is built on"] if told else [])
 
 
 def test_a_library_of_machine_code_of_nobody_is_told(tmp_path, monkeypatch):

@@ -101,16 +101,34 @@ class Executed:
         return (*self._problems(file for file in files if not self._is_needed(file)), *self._strange_libraries())
 
     def _replaced_parts(self) -> Iterator[str]:
-        """Give the functions of hil in whose place code of others stands, also if that was before hil looked first."""
-        for owner, name, code in _functions(self._modules):
+        """Give the functions of hil, and of what it is built on, in whose place code of others stands.
+
+        It does not matter whether that was before hil looked first. Of libraries, functions that a module only imported
+        are left out, and so is code without a file, which many of them make.
+        """
+        for named, owner, name, code in _functions(self._modules):
             file = code.co_filename
-            if file not in self._fine:
-                made = file.startswith("<frozen ") or (file.startswith("<") and name.startswith("__"))  # by `dataclass`
-                if self._is_needed(file) or self._installed.is_python(file):
-                    self._fine.add(file)
-                elif not made:
-                    by = "/".join(Path(file).parts[-2:]) if file.startswith(os.sep) else "code of no file"
+            if file in self._fine:
+                continue
+            if file.startswith("<frozen ") or self._is_needed(file) or self._installed.is_python(file):
+                self._fine.add(file)
+                continue
+            by = "/".join(Path(file).parts[-2:]) if file.startswith(os.sep) else "code of no file"
+            if named.partition(".")[0] == _PRODUCT:
+                if not (file.startswith("<") and name.startswith("__")):  # by `dataclass`
                     yield f"{by} replaced {owner}.{name}, which is a part of hil"
+            elif file.startswith(os.sep) and self._is_replaced(named, owner, name):
+                yield f"{by} replaced {owner}.{name}, which hil is built on"
+
+    def _is_replaced(self, named: str, owner: str, name: str) -> bool:
+        """Return whether a function of a library, by the name of its module, is one that the library has itself."""
+        module = self._modules.get(named)
+        file = getattr(module, "__file__", None)
+        if getattr(module, "__name__", named) != named:  # the module is known by its own name, too
+            return False
+        if file is not None and not self._is_needed(file) and not self._installed.is_python(file):
+            return False
+        return owner != named or file is None or not file.endswith(".py") or _defines(file, name)
 
     def _strange_libraries(self) -> Iterator[str]:
         """Give the libraries of machine code that are of nobody, whoever loaded them: the linker, or `ctypes`.
@@ -203,19 +221,29 @@ class Executed:
         return frozenset(str(getattr(each, "__file__", "")) for each in loaded)
 
 
-def _functions(modules: Mapping[str, object]) -> Iterator[tuple[str, str, CodeType]]:
-    """Yield every function in the modules of hil and their classes: dotted name of where it is, its name, its code."""
+def _functions(modules: Mapping[str, object]) -> Iterator[tuple[str, str, str, CodeType]]:
+    """Yield every function in modules and their classes: the module, dotted name of where it is, its name, its code."""
     for named, module in list(modules.items()):
-        if named.partition(".")[0] != _PRODUCT or not isinstance(module, ModuleType):
+        if not isinstance(module, ModuleType):
             continue
-        owners: dict[str, Mapping[str, object]] = {named: vars(module)}
-        own = [each for each in vars(module).values() if isinstance(each, type) and each.__module__ == named]
-        owners |= {f"{named}.{each.__qualname__}": vars(each) for each in own}
+        inside = list(vars(module).items())
+        owners: dict[str, list[tuple[str, object]]] = {named: inside}
+        own = [each for _, each in inside if isinstance(each, type) and each.__module__ == named]
+        owners |= {f"{named}.{each.__qualname__}": list(vars(each).items()) for each in own}
         for owner, its in owners.items():
-            for name, value in list(its.items()):
+            for name, value in its:
                 inner = value.fget if isinstance(value, property) else getattr(value, "__func__", value)
                 if isinstance(inner, FunctionType):
-                    yield owner, name, inner.__code__
+                    yield named, owner, name, inner.__code__
+
+
+def _defines(file: str, name: str) -> bool:
+    """Return whether the source of a module defines a function of this name."""
+    try:
+        code = compile(Path(file).read_bytes(), file, "exec", dont_inherit=True)
+    except (OSError, SyntaxError, ValueError):
+        return True
+    return any(isinstance(each, CodeType) and each.co_name == name for each in code.co_consts)
 
 
 def _loader(module: object) -> object:
