@@ -206,6 +206,7 @@ def test_an_approval_that_was_entered_by_hand_is_found(place, forging, said):
     assert said in problem
 
 
+@pytest.mark.timeout(900)
 def test_any_changed_byte_of_a_signature_is_found(place):
     """In the objects, and in the files beside them."""
     place.approve("bo")
