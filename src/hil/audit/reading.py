@@ -244,10 +244,17 @@ def read_register(folders: Folders) -> Register:
 def _contents(folders: Folders, *, locked: bool) -> tuple[bytes, ...]:
     """Return names and contents of every file that says what is asked, and whether locks must agree."""
     files = sorted((*folders.testplans.glob(f"*/{REQUIREMENTS}"), *folders.testplans.glob(f"*/{LOCK}")))
-    above = folders.testplans / REQUIREMENTS
-    named = [*files, above] if above.exists() else files
-    told = (part for file in named for part in (shown(file, folders.root).encode(), file.read_bytes()))
+    named = [file for file in (*files, folders.testplans / REQUIREMENTS) if file.exists()]
+    told = (part for file in named for part in (shown(file, folders.root).encode(), _content(file)))
     return (str(locked).encode(), *told)
+
+
+def _content(file: Path) -> bytes:
+    """Return what a file holds; nothing of what cannot be read, such as a pipe: who reads it as a document says so."""
+    try:
+        return file.read_bytes() if file.is_file() else b""
+    except OSError:
+        return b""
 
 
 def _above(catalogue: Catalogue) -> Iterator[Asked]:

@@ -46,7 +46,7 @@ def carrying_cases(root: Path, plans: Iterable[Path]) -> tuple[CarryingCase, ...
     found: list[CarryingCase] = []
     for file in (file for plan in plans for file in sorted(plan.glob("test_*.py"))):
         try:
-            tree = ast.parse(file.read_bytes())
+            tree = ast.parse(file.read_bytes() if file.is_file() else b"")
         except (OSError, SyntaxError, ValueError, RecursionError, MemoryError):
             continue
         found += _cases(tree.body, shown(file, root))

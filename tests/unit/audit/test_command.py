@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 
 import pytest
 from workspaces import make
@@ -63,6 +64,19 @@ def test_a_package_of_hardware_that_is_gone_is_damage(capsys, workspace):
     assert audit(capsys, "--strict")[0] == 2
 
 
+@pytest.mark.timeout(20)
+@pytest.mark.parametrize("make_it", [os.mkfifo, os.mkdir])
+@pytest.mark.parametrize("name", ["requirements.lock.json", "requirements.yaml", "test_others.py"])
+def test_what_is_no_file_is_not_waited_for(capsys, monkeypatch, workspace, name, make_it):
+    """A pipe has no end; one in the place of a document is an error, and one like a case is none."""
+    path = workspace.plan / name
+    path.unlink(missing_ok=True)
+    make_it(path)
+    code, _, err = audit(capsys)
+    assert code == (0 if name == "test_others.py" else 4)
+    assert bool(err) == bool(code)
+
+
 def test_a_damaged_ledger_is_damage(capsys, workspace):
     """One byte of a line: the line is named."""
     append(workspace.reports, GONE)
@@ -85,6 +99,7 @@ def test_a_file_that_is_wrong_ends_the_audit(capsys, workspace):
     ("arguments", "message"),
     [
         (("--as-of", "yesterday"), "--as-of yesterday is not a day\n     write it as 2026-11-22"),
+        (("--as-of", "9999-12-31"), "--as-of 9999-12-31 is not over yet: it is 2"),
         (("--as-of", "2026-02-30"), "--as-of 2026-02-30 is not a day"),
         (("--as-of", "2026-01-01"), "no catalogue was recorded up to 2026-01-01: there is none yet"),
         (("--record", "--as-of", "2026-01-01"), "--record enters the present state only"),

@@ -350,6 +350,18 @@ def test_a_socket_in_a_package_is_found(monkeypatch, writable):
     assert "data/s: expected a regular file, found a socket" in messages(writable)
 
 
+def test_folders_within_folders_without_end_are_found(writable):
+    """No more of them than Python may call functions are followed."""
+    deepest = writable / "data"
+    for _ in range(1500):
+        deepest /= "d"
+        deepest.mkdir()
+    try:
+        assert verify(writable).state is State.DAMAGED
+    finally:
+        os.removedirs(deepest)  # pytest's own way takes a function for each
+
+
 def test_nothing_is_read_through_a_link(tmp_path, writable):
     """A folder that is a link to the true one is a finding, and nothing else is looked at."""
     (writable / "data").rename(tmp_path / "elsewhere")

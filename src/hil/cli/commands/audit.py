@@ -16,6 +16,7 @@ import click
 from hil.cli.commands.ledger import require_head
 from hil.cli.display import write_bytes
 from hil.cli.options import name_option
+from hil.clock import wall
 from hil.clock.wall import is_date
 from hil.documents.text import visible
 from hil.executive.setup.workspace import find_workspace
@@ -154,6 +155,8 @@ def _require_sense(
         require_head(head)
     if as_of is not None and not is_date(as_of):
         raise Refused(f"--as-of {as_of} is not a day", "write it as 2026-11-22")
+    if as_of is not None and as_of > (today := wall.utc_now()[:10]):
+        raise Refused(f"--as-of {as_of} is not over yet: it is {today} (UTC)", "name a day up to now")
     if record and (as_of or supposed):
         raise Refused("--record enters the present state only", "leave out --as-of and --if")
     if supposed and formats:
