@@ -159,10 +159,10 @@ def load_instruments(path: Path, shown: str, findings: Findings) -> Mapping[str,
     document = read_document(path, shown, findings, _Register, schema=_SCHEMA)
     if document is None:
         return {}
-    known: dict[tuple[str, str, str], str] = {}
+    known: dict[tuple[str, str], str] = {}
     for item in document.model.instruments:
         at: Keys = ("instruments", item.id)
-        who = (item.maker, item.model, item.serial)
+        who = (item.model.casefold(), item.serial.casefold())  # of one maker, however that is written
         if all(who) and known.setdefault(who, item.id) != item.id:
             findings.add(document.place((*at, "serial")), f"{item.id} is the same instrument as {known[who]}")
         for below, problem in (*_of_certificates(item), *_of_ranges(item)):

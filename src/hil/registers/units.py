@@ -41,10 +41,13 @@ def load_duts(path: Path, shown: str, findings: Findings) -> tuple[Dut, ...]:
     if document is None:
         return ()
     duts: dict[str, Dut] = {}
+    spelled: dict[str, str] = {}
     for index, dut in enumerate(document.model.duts):
         at: Keys = ("duts", index)
-        if dut.serial and dut.serial in duts:
-            findings.add(document.place((*at, "serial")), f"serial number '{dut.serial}' is in the register twice")
+        first = spelled.setdefault(dut.serial.casefold(), dut.serial)
+        if dut.serial and (dut.serial in duts or first != dut.serial):
+            told = "twice" if first == dut.serial else f"as '{first}' already"
+            findings.add(document.place((*at, "serial")), f"serial number '{dut.serial}' is in the register {told}")
         duts.setdefault(dut.serial, dut)
         for number, event in enumerate(dut.events):
             for key, problem in _problems(event):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from decimal import Decimal
@@ -22,6 +23,10 @@ REQUIREMENTS = "requirements.yaml"
 """The file of requirements, in the folder of a plan or of all testplans."""
 
 _SCHEMA = "hil/requirements/1"
+_UNSEEN = re.compile(
+    "[\xad\u034f\u115f\u1160\u17b4\u17b5\u180b-\u180f\u206a-\u206f\u3164\ufe00-\ufe0f\uffa0\U000e0000-\U000e0fff]"
+)
+"""Letters, selectors and tags that show nothing: what every YAML file must not hold is refused before."""
 _KEPT = 64
 """How many contents of files are remembered."""
 
@@ -148,13 +153,19 @@ def _problems(read: _Read) -> _Wrong:
             yield from _names(read, (*inner, "of"), "name", limit.of)
             if read.is_sound(inner):
                 yield from _limit_problems(inner, limit)
-        if item.records is not None:
-            yield from _names(read, (*at, "records", "channels"), "channel", item.records.channels)
-            yield from _length_problems(read, (*at, "records"), item.records)
-        for name, values in item.over.items():
-            if not values and read.is_sound((*at, "over", name)):
-                yield (*at, "over", name), f"over '{name}' needs at least one value"
-            yield from _once((*at, "over", name), "value", values)
+        yield from _other_problems(read, at, item)
+
+
+def _other_problems(read: _Read, at: Path, item: Requirement) -> _Wrong:
+    if unseen := _UNSEEN.search(item.text):
+        yield (*at, "text"), f"the text holds character U+{ord(unseen[0]):04X}, which nobody sees: remove it"
+    if item.records is not None:
+        yield from _names(read, (*at, "records", "channels"), "channel", item.records.channels)
+        yield from _length_problems(read, (*at, "records"), item.records)
+    for name, values in item.over.items():
+        if not values and read.is_sound((*at, "over", name)):
+            yield (*at, "over", name), f"over '{name}' needs at least one value"
+        yield from _once((*at, "over", name), "value", values)
 
 
 def _kind_problems(at: Path, item: Requirement) -> _Wrong:

@@ -114,6 +114,12 @@ def test_all_that_is_wrong_is_told_at_once(tmp_path):
     assert any("DMM-018 is the same instrument as DMM-017" in line for line in wrong)
 
 
+def test_a_second_entry_does_not_hide_a_certificate(tmp_path):
+    """One that spells maker and model otherwise, and has a certificate that found nothing wrong."""
+    _, wrong = load(tmp_path, GOOD + OTHER.replace("Keysight Technologies, model: 34465A", "Agilent, model: 34465a"))
+    assert [line.partition(": ")[2] for line in wrong] == ["DMM-018 is the same instrument as DMM-017"]
+
+
 @pytest.mark.parametrize(
     ("content", "path", "problem"),
     [

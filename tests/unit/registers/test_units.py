@@ -36,6 +36,8 @@ def test_serial_number_in_the_register_twice(tmp_path):
     duts, wrong = load(tmp_path, GOOD + GOOD.replace("P-2", "P-3"))
     assert wrong == ["fixtures/duts.yaml:4:12: serial number 'SN-1' is in the register twice"]
     assert [dut.part for dut in duts] == ["P-2"]
+    _, wrong = load(tmp_path, GOOD + GOOD.replace("SN-1", "sn-1"))
+    assert wrong == ["fixtures/duts.yaml:4:12: serial number 'sn-1' is in the register as 'SN-1' already"]
 
 
 @pytest.mark.parametrize(

@@ -263,3 +263,11 @@ def test_the_part_numbers_of_a_plan_are_named_or_left_out(workspace, value):
     (found,) = findings(workspace.load, locked=False)
     assert found.startswith("testplans/gyro/requirements.yaml:3:")
     assert "part_numbers" in found or "must not be empty" in found
+
+
+@pytest.mark.parametrize("character", ["\xad", "\u3164", "\ufe0f", "\U000e0041"])
+def test_a_text_holds_nothing_that_nobody_sees(workspace, character):
+    """Two texts that look alike say the same."""
+    workspace.edit("text: The ", f"text: The {character}")
+    with pytest.raises(HilError, match=f"text holds character U\\+{ord(character):04X}, which nobody sees"):
+        workspace.load(locked=False)
