@@ -35,6 +35,10 @@ from hil.executive.setup.reach import beyond, numbers_in, sleeps
         ("from hil.analysis.coil import traced as mark", "imports hil.analysis.coil.traced"),
         ("mark = hil.analysis.coil.traced", "uses .traced"),
         ("def test_a(monkeypatch): pass", "uses monkeypatch"),
+        ("import serial as wire; wire.Serial.read = quick", "replaces wire.Serial.read"),
+        ("from serial import Serial; Again = Serial; Again.read = quick", "replaces Again.read"),
+        ("import math; del math.hypot", "replaces math.hypot"),
+        ("getattr(socket, 'socket').recv = quick", "replaces getattr(socket, 'socket').recv"),
     ],
 )
 def test_what_a_case_was_not_given_is_told(line, what):

@@ -91,7 +91,9 @@ def beyond(source: bytes, shown: str) -> tuple[str, ...]:
         nodes = _nodes(source)
     except (SyntaxError, ValueError):
         return ()
-    found = sorted({(line, what) for node in nodes for line, what in _of_node(node)})
+    imported = _imported(nodes)
+    told = (each for node in nodes for each in (*_of_node(node), *_replaced_by(node, imported)))
+    found = sorted(set(told))
     return tuple(f"{shown}:{line} {what}" for line, what in found)
 
 
@@ -112,6 +114,44 @@ def _of_node(node: ast.AST) -> Iterator[tuple[int, str]]:
         given = node.args[1].value if len(node.args) > 1 and isinstance(node.args[1], ast.Constant) else ""
         if isinstance(given, str) and (given.startswith("_") or given in _ATTRIBUTES | _TRACING):
             yield node.lineno, f"uses .{given}"
+
+
+def _imported(nodes: tuple[ast.AST, ...]) -> frozenset[str]:
+    """Return the names of modules and what is in them: as imports bind them, and as they were bound to again."""
+    found = {
+        alias.asname or alias.name.partition(".")[0]
+        for node in nodes
+        if isinstance(node, ast.Import | ast.ImportFrom)
+        for alias in node.names
+    }
+    bound = [
+        (target.id, node.value)
+        for node in nodes
+        if isinstance(node, ast.Assign) and isinstance(node.value, ast.Name | ast.Attribute)
+        for target in node.targets
+        if isinstance(target, ast.Name)
+    ]
+    for name, value in bound:
+        if _root(value) in found:
+            found.add(name)
+    return frozenset(found)
+
+
+def _root(node: ast.expr) -> str:
+    """Return the name that a chain of attributes begins with, empty where it begins with something else."""
+    while isinstance(node, ast.Attribute):
+        node = node.value
+    return node.id if isinstance(node, ast.Name) else ""
+
+
+def _replaced_by(node: ast.AST, imported: frozenset[str]) -> Iterator[tuple[int, str]]:
+    """Yield the line and what is replaced there of a module, or of a class in one."""
+    if not isinstance(node, ast.Attribute) or isinstance(node.ctx, ast.Load):
+        return
+    given = node.value
+    by_name = isinstance(given, ast.Call) and isinstance(given.func, ast.Name) and given.func.id == "getattr"
+    if by_name or _root(node) in imported:
+        yield node.lineno, f"replaces {ast.unparse(node)}"
 
 
 def _allowed(name: str) -> bool:
