@@ -37,7 +37,7 @@ PARTS = {"journal": 2, "transcript": 2, "report": 4}
 pytestmark = [
     pytest.mark.system,
     pytest.mark.soak,
-    pytest.mark.timeout(3600),
+    pytest.mark.timeout(14400),
     pytest.mark.skipif(shutil.which("ssh-keygen") is None, reason="ssh-keygen is not installed"),
 ]
 
