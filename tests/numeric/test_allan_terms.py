@@ -165,6 +165,7 @@ def spread(trials, share):
 
 
 NARROW = {
+    ("warm_up", "white"): (0.64, 0.94),  # the fit takes the warm-up for slow noise
     ("slow_sine", "random_walk"): (0.59, 0.90),  # a sine too small to be seen adds to it
     ("counts", "quantisation"): (0.59, 0.90),  # of half a count: rounding is not white
     ("clipped", "quantisation"): (0.0, 0.0),  # a walk that meets the rail once, which no gate sees
