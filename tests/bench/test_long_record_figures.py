@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import time
 import tracemalloc
 from concurrent.futures import ThreadPoolExecutor
@@ -124,6 +126,27 @@ def test_memory_of_a_text_log(log):
     tracemalloc.stop()
     assert values.shape == (rows, 2)
     assert held < 1.2 * values.nbytes
+
+
+COMMAND = """
+import contextlib, io, resource, sys
+from hil.cli.commands.analyse import command
+with contextlib.redirect_stdout(io.StringIO()):
+    command([*sys.argv[1:], "--unit", "deg/s", "--json"], standalone_mode=False)
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
+"""
+
+
+@pytest.mark.timeout(600)
+def test_memory_of_a_whole_analysis(log):
+    """Times and rates as the command holds them, and as much again while it understands the times."""
+    path, rows = log
+
+    def peak(*options):
+        command = [sys.executable, "-c", COMMAND, "allan", str(path), "--columns", "gx", *options]
+        return int(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+
+    assert peak("--time", "t") - peak("--time", "t", "--to", "1") < 1.2 * 2 * 8 * rows + 20e6
 
 
 @pytest.mark.parametrize("jitter", [0.0, 0.05])

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.analysis.extremes import averaged, robust, step_of
-from hil.analysis.gates import Facts, Gate, numbers, present
+from hil.analysis.gates import Facts, Gate, present
 
 __all__ = ["jumps", "steady", "wrapped"]
 
@@ -21,6 +21,7 @@ _FEWEST = 30  # averages from which a jump is told
 _BEFORE = 4  # averages before a jump: what settles as a record begins is no jump
 _BY_CHANCE = 1e-6  # records of noise in which one is found
 _AROUND, _WIDEST = 8, 3  # averages on either side of a jump, and how many of them it may take
+_BLOCK = 1 << 14  # samples that are looked at at once, within the processor's cache
 _PARTS = 8  # of a record, whose noise is compared
 _LOOKED_AT = 20_000  # samples of a part that tell its noise
 _LOUDER = 1.25  # times: noise that differs by less is one noise
@@ -121,14 +122,19 @@ def wrapped(channel: str, values: _Array, facts: Facts) -> Gate:
     if lsb is None or not 1.0 <= span < 2.0 ** _WORDS[-1]:
         return Gate(name=name, channel=channel, ok=None, reason="what one count is worth is not known")
     modulus = 2.0 ** next(bits for bits in _WORDS if span < 2.0**bits)
-    steps = np.diff(values) / lsb
-    large = np.flatnonzero(np.abs(steps) > modulus / 2.0)
-    if large.size:
-        steps -= modulus * np.rint(steps / modulus)
-        if float(np.nanmax(np.abs(steps))) < modulus / 4.0:
-            reason = f"neighbours differ by nearly {modulus:g} counts {large.size} times, the first is number"
-            reason += f" {large[0] + 2}: signed counts were read as unsigned, or they overflow"
-            return Gate(name=name, channel=channel, ok=False, reason=reason, samples=numbers(large + 1))
+    turns, first, rest = 0, 0, 0.0
+    for begin in range(0, values.size - 1, _BLOCK):
+        steps = present(np.diff(values[begin : begin + _BLOCK + 1])) / lsb
+        large = np.abs(steps) > modulus / 2.0
+        if large.any():
+            first = first or begin + int(large.argmax()) + 2
+            turns += int(np.count_nonzero(large))
+            steps -= modulus * np.rint(steps / modulus)
+        rest = max(rest, float(np.abs(steps).max(initial=0.0)))
+    if turns and rest < modulus / 4.0:
+        reason = f"neighbours differ by nearly {modulus:g} counts {turns} times, first near sample {first}"
+        reason += ": signed counts were read as unsigned, or they overflow"
+        return Gate(name=name, channel=channel, ok=False, reason=reason, samples=(first,))
     if _in_other_order(values, lsb):
         reason = "the counts scatter far less with their two bytes in the other order"
         return Gate(name=name, channel=channel, ok=False, reason=reason)

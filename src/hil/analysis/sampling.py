@@ -133,6 +133,7 @@ def placed(timestamps: ArrayLike) -> tuple[SamplingReport, _Places]:
         raise Refused(f"timestamp {bad[0] + 1} is not a finite number", "look for a hole in the time column")
     steps = np.diff(times)
     if report := _regular(times, steps):
+        del steps  # as large as the times
         return report, np.arange(times.size, dtype=np.int64)
     if not (steps > 0.0).any():
         raise Refused("no timestamp is later than the one before", "is this the time column?")

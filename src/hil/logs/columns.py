@@ -229,7 +229,8 @@ class _Rows:
         """Return the columns, None where something is not plain enough to be sure."""
         if block[-1:] != b"\n" or (b"\r" in block and block.count(b"\r") != block.count(b"\r\n")):
             return None
-        cells = plain(block, self.layout.separator, self.layout.decimal, self.layout.width)
+        usual = [place for place in self.chosen if place not in self.special]
+        cells = plain(block, self.layout.separator, self.layout.decimal, self.layout.width, usual)
         if cells is None or (0 not in self.chosen and not cells.beginnings.isdisjoint(map(ord, _MARKS))):
             return None
         columns = []

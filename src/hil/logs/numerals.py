@@ -7,6 +7,7 @@ once; longer ones are divided with 64 bits, and where that might be near to the 
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
@@ -52,6 +53,8 @@ class Cells:
         last: which of them end a cell; shape (width,) where they are the same in every row, else (rows, width).
         starts: of the cells, shape (rows, width), where white space separates them, else None.
         has: which of the bytes that need care the block holds.
+        signs: by column that was asked for, how far before its end each cell has its decimal sign, 0 where it has none;
+            None where `places` holds these signs, because they are not as far in every row.
     """
 
     block: _Bytes
@@ -59,6 +62,7 @@ class Cells:
     last: _Places
     starts: _Places | None
     has: frozenset[int]
+    signs: Mapping[int, int] | None = None
 
     def __len__(self) -> int:
         """Return how many rows there are."""
@@ -86,7 +90,15 @@ class Cells:
         """
         last = self.last[..., column]
         before = self.last[..., column - 1] if column else None
-        if self.places.ndim == _ROWS:
+        if self.signs is not None:
+            ends = self.places[:, column].copy()
+            distance = self.signs.get(column, 0)
+            points = ends - distance
+            odd = None
+            signed = distance > 0
+            begun = None if before is None else self.places[:, column - 1]
+            earlier = self.places[:-1, -1]
+        elif self.places.ndim == _ROWS:
             count = int(last) - (-1 if before is None else int(before)) - 1
             ends = self.places[:, last].copy()
             points = self.places[:, last - 1].copy() if count == 1 else ends.copy()
@@ -110,7 +122,7 @@ class Cells:
         return starts, ends, points, odd, signed
 
 
-def plain(text: bytes, separator: str | None, decimal: str, width: int) -> Cells | None:
+def plain(text: bytes, separator: str | None, decimal: str, width: int, columns: Sequence[int] = ()) -> Cells | None:
     """Find the cells of whole lines; None unless each line is a row of as many cells.
 
     Args:
@@ -118,8 +130,13 @@ def plain(text: bytes, separator: str | None, decimal: str, width: int) -> Cells
         separator: what stands between cells, None for any white space.
         decimal: the decimal sign.
         width: cells in a row.
+        columns: those that will be asked for, counted from 0: decimal signs of others need not be found.
     """
     block = np.frombuffer(text, dtype=np.uint8)
+    if separator is not None and columns:
+        found = _alike(text, block, ord(separator), ord(decimal), width, columns)
+        if found is not None:
+            return found
     starts: NDArray[Any] | None = None
     if separator is None:
         blank = (block == _SPACE) | (block == _TAB) | (block == _LINE) | (block == _RETURN)
@@ -151,6 +168,35 @@ def plain(text: bytes, separator: str | None, decimal: str, width: int) -> Cells
         starts = starts.reshape(rows, width)
     has = frozenset(byte for byte in _CARE if byte in text)
     return Cells(block=block, places=places, last=last, starts=starts, has=has)
+
+
+def _alike(
+    text: bytes, block: _Bytes, separator: int, decimal: int, width: int, columns: Sequence[int]
+) -> Cells | None:
+    """Find the ends of cells only; None unless the decimal sign of each column is as far from them in every row.
+
+    A sign before the cell's own would be taken for a digit, and found to be none.
+    """
+    line = block == _LINE
+    line[:MARGIN] = False
+    end = block == separator
+    end |= line
+    places: NDArray[Any] = np.flatnonzero(end)
+    rows = int(np.count_nonzero(line))
+    if not rows or places.size != rows * width:
+        return None
+    places = places.reshape(rows, width)
+    if not line[places[:, -1]].all():
+        return None
+    signs, written = {}, decimal in text
+    for column in columns:
+        cell = text[int(places[0, column - 1]) + 1 if column else MARGIN : int(places[0, column])]
+        sign = cell.find(decimal)
+        signs[column] = len(cell) - sign if sign >= 0 else 0
+        if (written and sign < 0) or (sign >= 0 and (block[places[:, column] - signs[column]] != decimal).any()):
+            return None
+    has = frozenset(byte for byte in _CARE if byte in text)
+    return Cells(block=block, places=places, last=np.arange(width), starts=None, has=has, signs=signs)
 
 
 def _in_lines(block: _Bytes, closing: NDArray[Any], starts: NDArray[Any] | None, width: int) -> bool:

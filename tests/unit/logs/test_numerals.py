@@ -101,3 +101,20 @@ def test_a_file_without_an_end_is_read_as_one_with(tmp_path):
         path = tmp_path / f"{count}.csv"
         path.write_text("".join(f"{k},{k / 8}\n" for k in range(count)).removesuffix("\n"), encoding="utf-8")
         assert read(path).values[:, 0].tolist() == list(range(count))
+
+
+@pytest.mark.parametrize("rest", ["1.250", "1", "-0.5", "1.2e-05", "1.2.3", ""])
+def test_columns_whose_signs_are_in_the_same_place_are_read_as_others(tmp_path, rest):
+    """One cell that is written in another way changes no other; one that is no number is refused."""
+    path = tmp_path / "log.csv"
+    rows = [f"{row}.125,{row / 8:.3f},{row}" for row in range(90)]
+    rows[60] = f"60.125,{rest},60"
+    path.write_text("t,x,n\n" + "\n".join(rows) + "\n")
+    if rest in {"", "1.2.3"}:
+        with pytest.raises(Refused, match=f"'{rest}' in column 2 is not a number"):
+            read(path, ["x"])
+        return
+    for chosen in (["x"], ["n", "t"], ["t", "x", "n"]):
+        held = {"t": [row + 0.125 for row in range(90)], "x": [row / 8 for row in range(90)], "n": list(range(90))}
+        held["x"][60] = float(rest)
+        assert read(path, chosen).values.T.tolist() == [held[column] for column in chosen]

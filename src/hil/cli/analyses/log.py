@@ -46,8 +46,7 @@ _LARGEST, _SMALLEST = 1e100, 1e-100  # beyond these a square is no number any mo
 _JITTER = 0.6  # of an interval, rms: with more nobody can tell which sample is which
 _COPED = frozenset({"gaps", "jitter", "rate"})  # what averages over evenly placed samples can cope with
 _BRACKETS = re.compile(r"[\[(]([^\[\]()]+)[\])]\s*$")  # a unit at the end of a column's name
-_LEAST_OF_CLOCK = 10  # samples
-_TOLD = 0.005  # of white noise, added by rounding
+_LEAST_OF_CLOCK, _TOLD = 10, 0.005  # samples, and part of white noise that rounding added
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -222,6 +221,8 @@ def obtain(wanted: Wanted, parts: str = "averages") -> Log:
     Raises:
         Refused: what cannot be read, or is no series of samples.
     """
+    import numpy as np  # noqa: PLC0415 - start-up stays light
+
     from hil.analysis import quality  # noqa: PLC0415 - start-up stays light
     from hil.logs.columns import read  # noqa: PLC0415 - start-up stays light
 
@@ -235,7 +236,7 @@ def obtain(wanted: Wanted, parts: str = "averages") -> Log:
     sampled = () if timed.report is None else quality.sampled(timed.seconds, timed.report, facts)
     gates = (*timed.gates, *sampled, *named_units(channels, wanted.unit), *quality.read(channels, facts, timed.rate))
     coped = _COPED if timed.report is None or timed.report.jitter <= _JITTER else _COPED - {"jitter"}
-    if not any((abs(values) == math.inf).any() for values in channels.values()):
+    if not any(np.isinf(values).any() for values in channels.values()):
         coped |= {"finite"}
     return Log(
         file=str(wanted.file),
@@ -311,16 +312,18 @@ def _timed(wanted: Wanted, table: Table) -> _Timed:
     except Refused as error:
         raise Refused(f"{wanted.file}: {error.message}", error.hint) from None
     part = _part(wanted, line.seconds)
-    rows = np.arange(len(raw)) if line.rows is None else line.rows
-    report, places = (line.report, line.places) if part.all() else placed(line.seconds[part])
+    whole = bool(part.all())
+    rows: NDArray[np.int64] | slice = slice(None)  # no copy where every row is meant
+    if line.rows is not None or not whole:
+        rows = (np.arange(len(raw)) if line.rows is None else line.rows)[part]
+    report, places = (line.report, line.places) if whole else placed(line.seconds[part])
     return _Timed(
-        seconds=line.seconds[part],
-        places=places,
+        seconds=line.seconds if whole else line.seconds[part],
+        places=places if report.missing else None,
         rate=report.rate,
         report=report,
         channels={
-            name: np.ascontiguousarray(table.values[rows[part], place])
-            for place, name in enumerate(table.names[1:], start=1)
+            name: np.ascontiguousarray(table.values[rows, place]) for place, name in enumerate(table.names[1:], start=1)
         },
         gates=line.gates,
         remarks=(*((told,) if told else ()), *line.remarks),
@@ -338,14 +341,14 @@ def _part(wanted: Wanted, since: NDArray[np.float64]) -> NDArray[np.bool_]:
 
 def _scaled(wanted: Wanted, name: str, values: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return samples in the unit of the result; refuse those whose squares are no numbers."""
-    import numpy as np  # noqa: PLC0415 - start-up stays light
+    from hil.analysis.gates import present  # noqa: PLC0415 - start-up stays light
 
     scaled = values if wanted.scale is None else values * wanted.scale
-    present = scaled[np.isfinite(scaled)]
-    if not present.size:
+    here = present(scaled)
+    if not here.size:
         raise Refused(f"{wanted.file}: column {name} holds no number", "choose other columns")
-    largest = float(np.abs(present).max())
-    span = float(present.max() / 2.0 - present.min() / 2.0)
+    highest, lowest = float(here.max()), float(here.min())
+    largest, span = max(abs(highest), abs(lowest)), highest / 2.0 - lowest / 2.0
     if largest > _LARGEST or 0.0 < span < _SMALLEST:
         number = largest if largest > _LARGEST else span
         raise Refused(
