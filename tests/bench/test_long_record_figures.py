@@ -54,8 +54,7 @@ def test_octaves_of_a_long_record(pair, record, monkeypatch):
 
 def test_octaves_of_a_long_record_compiled(pair, record):
     """The same with `hil[fast]`."""
-    if strided.compiled() is None:
-        pytest.skip("hil[fast] is not installed")
+    assert strided.compiled() is not None
     against_allantools(pair, "Allan deviation, Numba / allantools", record)
 
 

@@ -57,6 +57,19 @@ def test_the_loops_that_a_compiler_takes_give_the_same():
     assert looped[1] == pytest.approx(plain[1], rel=1e-12)
 
 
+@pytest.mark.system
+def test_what_the_compiler_makes_gives_the_same():
+    """`hil[fast]`, a development dependency: the compiled loops, and the whole deviation with them."""
+    kernel = strided.compiled()
+    assert kernel is not None
+    values = record(200_003)
+    plain, fast = ((np.empty((200_003 - 256) // 16 + 1), np.empty((2, 8))) for _ in range(2))
+    strided._plain(values, 5.0, *plain)
+    kernel(values, 5.0, *fast)
+    assert np.allclose(fast[0], plain[0], rtol=0.0, atol=1e-9)
+    assert fast[1] == pytest.approx(plain[1], rel=1e-11)
+
+
 def test_a_compiler_that_is_missing_or_fails_is_not_needed(monkeypatch):
     """Without the extra, and with one that does not work, the plain way does it."""
     for broken in (None, object()):

@@ -39,7 +39,7 @@ def jumps(channel: str, values: _Array) -> Gate:
     differences; noise and slow drift pass the limit of about 6 s once in a million records. The neighbours must be
     quiet.
     """
-    name, means, width = "jumps", values, 1
+    name, means, width = "jumps", averaged(values, 4), 4
     noise = robust(values) / math.sqrt(1.5) if values.size > _FEWEST else 0.0
     for wider in _WIDTHS:
         means, width = averaged(means, wider // width), wider
