@@ -327,7 +327,7 @@ def unsealed(tmp_path, step):
     return folder, journal
 
 
-STRIDE = sweeps.chosen(6, 1)  # of the steps after which a seal or a recovery is killed
+STRIDE = sweeps.chosen(9, 1)  # of the steps after which a seal or a recovery is killed
 
 
 @pytest.mark.usefixtures("quick_disk")
