@@ -1,6 +1,6 @@
-"""Instruments on the network that carry messages: HiSLIP and VXI-11 from the other end, written from the standards.
+"""Instruments on the network: HiSLIP and VXI-11 from the other end, written from the standards, and a plain socket.
 
-Both hold a little SCPI supply: `OUTP 0` and `OUTP 1` switch, `OUTP?` and `*IDN?` ask.
+All hold a little SCPI supply: `OUTP 0` and `OUTP 1` switch, `OUTP?` and `*IDN?` ask.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import threading
 import time
 from contextlib import suppress
 
-__all__ = ["HiSlipServer", "Supply", "Vxi11Server"]
+__all__ = ["HiSlipServer", "SocketServer", "Supply", "Vxi11Server"]
 
 
 class Supply:
@@ -97,6 +97,15 @@ def _all(connection, size):
             raise EOFError
         data += came
     return data
+
+
+class SocketServer(_Server):
+    """The supply at a plain socket."""
+
+    def talk(self, connection):
+        """Serve one connection."""
+        while data := connection.recv(4096):
+            connection.sendall(self.supply.reply(data))
 
 
 class HiSlipServer(_Server):

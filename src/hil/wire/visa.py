@@ -9,8 +9,8 @@ from contextlib import suppress
 from typing import Any, TypeVar
 
 from hil.clock import wall
-from hil.guardian.ports.line import Gone, Line
-from hil.guardian.ports.messages import MessageLine
+from hil.guardian.ports.line import Line
+from hil.guardian.ports.messages import MessageLine, tried
 from hil.model.errors import NoReply
 from hil.wire.line_stream import LineStream
 from hil.wire.opening import PortKind, bare, kind_of
@@ -177,23 +177,16 @@ class _ByteLine(Line):
 
     def hear(self, until: float) -> bytes:
         """Return the first bytes that come, empty if none come by the deadline. See `Line.hear`."""
-        data = self._tried(lambda: self._session.some(max((until - wall.monotonic()) * 1000, _DRAINED_MS)))
-        while data and (more := self._tried(lambda: self._session.some(_DRAINED_MS))):
+        data = tried(lambda: self._session.some(max((until - wall.monotonic()) * 1000, _DRAINED_MS)))
+        while data and (more := tried(lambda: self._session.some(_DRAINED_MS))):
             data += more
         return data
 
     def say(self, data: bytes, until: float) -> int:
         """Write all bytes; return how many were taken. See `Line.say`."""
-        self._tried(lambda: self._session.send(data, max(until - wall.monotonic(), _DRAINED_MS / 1000)))
+        tried(lambda: self._session.send(data, max(until - wall.monotonic(), _DRAINED_MS / 1000)))
         return len(data)
 
     def close(self) -> None:
         """Close the port."""
         self._session.close()
-
-    @staticmethod
-    def _tried(operation: Callable[[], _Result]) -> _Result:
-        try:
-            return operation()
-        except OSError as error:
-            raise Gone(error.strerror or str(error)) from error

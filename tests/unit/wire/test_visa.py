@@ -5,7 +5,6 @@ from __future__ import annotations
 import builtins
 import os
 import select
-import socket
 import termios
 import threading
 import time
@@ -14,7 +13,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import replace
 
 import pytest
-from message_servers import HiSlipServer, Supply, Vxi11Server
+from message_servers import HiSlipServer, SocketServer, Supply, Vxi11Server
 
 from hil.guardian.ports.dialogue import Patience
 from hil.guardian.ports.worker import PortWorker
@@ -39,47 +38,6 @@ def _closing(stream):
         stream.closed()
 
 
-class SocketServer:
-    """A supply at a plain socket, for any number of clients, one after the other heard in threads of their own."""
-
-    def __init__(self, supply):
-        self._supply = supply
-        self._listening = socket.create_server(("127.0.0.1", 0))
-        self.name = f"TCPIP::127.0.0.1::{self._listening.getsockname()[1]}::SOCKET"
-        self._clients = []
-        self._threads = [threading.Thread(target=self._accept, daemon=True)]
-        self._threads[0].start()
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        self._listening.shutdown(socket.SHUT_RDWR)
-        self._listening.close()
-        self.drop()
-        for each in self._threads:
-            each.join(5.0)
-
-    def drop(self):
-        """End every connection."""
-        for each in self._clients:
-            with suppress(OSError):
-                each.shutdown(socket.SHUT_RDWR)
-
-    def _accept(self):
-        with suppress(OSError):
-            while True:
-                client, _ = self._listening.accept()
-                self._clients.append(client)
-                self._threads.append(threading.Thread(target=self._serve, args=(client,), daemon=True))
-                self._threads[-1].start()
-
-    def _serve(self, client):
-        with client, suppress(OSError):
-            while data := client.recv(4096):
-                client.sendall(self._supply.reply(data))
-
-
 @pytest.fixture(params=["HiSLIP", "VXI-11", "socket"])
 def instrument(request, monkeypatch):
     """Return a supply on the network, its server, and its VISA name."""
@@ -94,7 +52,7 @@ def instrument(request, monkeypatch):
             yield supply, server, "TCPIP::127.0.0.1::INSTR"
     else:
         with SocketServer(supply) as server:
-            yield supply, server, server.name
+            yield supply, server, f"TCPIP::127.0.0.1::{server.port}::SOCKET"
 
 
 def test_an_instrument_is_asked_and_told(instrument):

@@ -9,7 +9,7 @@ from typing import Protocol, TypeVar
 
 from hil.guardian.ports.line import Gone, Line
 
-__all__ = ["MessageLine", "Messenger"]
+__all__ = ["MessageLine", "Messenger", "tried"]
 
 _LEAST_S = 0.05
 _Result = TypeVar("_Result")
@@ -69,7 +69,7 @@ class MessageLine(Line):
         if not self._owes:
             time.sleep(left)
             return b""
-        data = self._tried(lambda: self._messenger.receive(left))
+        data = tried(lambda: self._messenger.receive(left))
         if data:
             self._owes, self.busy_until = False, time.monotonic()
         return data
@@ -77,9 +77,9 @@ class MessageLine(Line):
     def say(self, data: bytes, until: float) -> int:
         """Send a message; return its size. See `Line.say`."""
         if self._owes or self._stale:
-            self._tried(lambda: self._forget(max(until - time.monotonic(), _LEAST_S)))
+            tried(lambda: self._forget(max(until - time.monotonic(), _LEAST_S)))
         self._stale = False
-        self._tried(lambda: self._messenger.send(data, max(until - time.monotonic(), _LEAST_S)))
+        tried(lambda: self._messenger.send(data, max(until - time.monotonic(), _LEAST_S)))
         self._owes, self.busy_until = b"?" in data, time.monotonic()
         return len(data)
 
@@ -97,9 +97,14 @@ class MessageLine(Line):
         """Close the port."""
         self._messenger.close()
 
-    @staticmethod
-    def _tried(operation: Callable[[], _Result]) -> _Result:
-        try:
-            return operation()
-        except OSError as error:
-            raise Gone(error.strerror or str(error)) from error
+
+def tried(operation: Callable[[], _Result]) -> _Result:
+    """Do something with a session.
+
+    Raises:
+        Gone: if it fails.
+    """
+    try:
+        return operation()
+    except OSError as error:
+        raise Gone(error.strerror or str(error)) from error
