@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import Any
 
-from hil.documents.canonical import parse_strict
+from hil.documents.canonical import JsonError, parse_strict
 from hil.evidence.events.codec import plain
 from hil.evidence.folder import RESULTS
 from hil.evidence.journal.reader import JournalReading
@@ -27,7 +27,10 @@ def results_as_json(source: Package | Outcome) -> dict[str, Any]:
     path = source.folder / RESULTS
     if source.cut_short or not path.exists():  # a format of the future is refused here
         return results_as_json(source.outcome())
-    return dict(_read(path.read_bytes()))
+    try:
+        return dict(_read(path.read_bytes()))
+    except JsonError:  # in the words of the package
+        return results_as_json(source.outcome())
 
 
 @lru_cache(maxsize=4)
