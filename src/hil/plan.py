@@ -18,12 +18,22 @@ if TYPE_CHECKING:
     from hil.executive.cases.steps import Steps
     from hil.instruments.cycler_role import Cycler
     from hil.instruments.power_roles import ElectronicLoad, Multimeter, Thermometer
-    from hil.instruments.roles import Gyroscope, Magnetometer, Obc, Relays, RotationTable, Supply, Thermal
+    from hil.instruments.roles import (
+        Accelerometer,
+        Gyroscope,
+        Magnetometer,
+        Obc,
+        Relays,
+        RotationTable,
+        Supply,
+        Thermal,
+    )
     from hil.instruments.signal_roles import DataAcquisition, FunctionGenerator, Oscilloscope
     from hil.model.errors import Implausible, NoReply, NotInTime, NotMet, NotTriggered, Refused
     from hil.model.figure import Figure, FigureStatus
 
 __all__ = [
+    "Accelerometer",
     "Artifacts",
     "Charts",
     "Checks",
@@ -66,7 +76,16 @@ _MODULES = {
     "executive.cases.steps": ("Steps",),
     "instruments.cycler_role": ("Cycler",),
     "instruments.power_roles": ("ElectronicLoad", "Multimeter", "Thermometer"),
-    "instruments.roles": ("Gyroscope", "Magnetometer", "Obc", "Relays", "RotationTable", "Supply", "Thermal"),
+    "instruments.roles": (
+        "Accelerometer",
+        "Gyroscope",
+        "Magnetometer",
+        "Obc",
+        "Relays",
+        "RotationTable",
+        "Supply",
+        "Thermal",
+    ),
     "instruments.signal_roles": ("DataAcquisition", "FunctionGenerator", "Oscilloscope"),
     "model.errors": ("Implausible", "NoReply", "NotInTime", "NotMet", "NotTriggered", "Refused"),
     "model.figure": ("Figure", "FigureStatus"),

@@ -9,7 +9,7 @@ import pytest
 import sweeps
 from scipy.special import stdtrit
 
-from hil.analysis.allan.noise import MovingAverage, rest_mean
+from hil.analysis.allan.averaging import MovingAverage, rest_mean
 from hil.analysis.gyroscope.calibrate import calibrate
 from hil.analysis.gyroscope.calibration import Polynomial
 from hil.analysis.gyroscope.fitting import fit

@@ -10,8 +10,9 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from hil.analysis.allan.averaging import MovingAverage, best_average, rest_mean
     from hil.analysis.allan.deviation import deviation
-    from hil.analysis.allan.noise import MovingAverage, best_average, characterise, rest_mean
+    from hil.analysis.allan.noise import characterise
     from hil.analysis.battery.certainty import Certainty
     from hil.analysis.battery.cycles import cycles
     from hil.analysis.battery.fade import fade
@@ -108,7 +109,8 @@ __all__ = [
 
 _MODULES = {
     "allan.deviation": ("deviation",),
-    "allan.noise": ("MovingAverage", "best_average", "characterise", "rest_mean"),
+    "allan.averaging": ("MovingAverage", "best_average", "rest_mean"),
+    "allan.noise": ("characterise",),
     "battery.certainty": ("Certainty",),
     "battery.cycles": ("cycles",),
     "battery.fade": ("fade",),

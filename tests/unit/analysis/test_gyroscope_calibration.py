@@ -12,8 +12,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from hil.analysis.allan.averaging import MovingAverage, best_average, rest_mean
 from hil.analysis.allan.deviation import deviation
-from hil.analysis.allan.noise import MovingAverage, best_average, characterise, rest_mean
+from hil.analysis.allan.noise import characterise
 from hil.analysis.gyroscope.calibrate import calibrate
 from hil.analysis.gyroscope.calibration import ALIGNED, CalibratedRate, Polynomial
 from hil.analysis.gyroscope.fitting import fit

@@ -1,4 +1,4 @@
-"""Noise of a sensor at rest: what its Allan curve says, how long to average, and the mean with its uncertainty.
+"""Noise of a sensor at rest: what its Allan curve says.
 
 Definitions of the coefficients: IEEE Std 952-1997, annex C.
 """
@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,12 +18,11 @@ from hil.analysis.allan.deviation import deviation
 from hil.analysis.allan.ends import line, slope_variances, without
 from hil.analysis.allan.results import AllanCurve, NoiseModel
 from hil.analysis.allan.rolloff import Filter, rolloff
-from hil.analysis.statistics import not_observable
 from hil.analysis.tracing import traced
 from hil.model.errors import Refused
 from hil.model.figure import Figure, FigureStatus
 
-__all__ = ["MovingAverage", "best_average", "characterise", "rest_mean"]
+__all__ = ["characterise"]
 
 _FEWEST_POINTS = 6  # two more than four terms
 _WORST_TAIL = 1e-3  # a right model is rejected once in a thousand records, as a misfit, and once as too good a fit
@@ -290,124 +288,3 @@ def _window(curve: AllanCurve) -> Figure:
     ends = {0: FigureStatus.UPPER_LIMIT, known - 1: FigureStatus.NOT_OBSERVABLE}
     status = ends.get(best, FigureStatus.MEASURED)
     return Figure(value=float(curve.tau[best]), unit="s", uncertainty=span / math.sqrt(12.0), status=status)
-
-
-_Array: TypeAlias = NDArray[np.float64]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MovingAverage:
-    """A queue of the last samples whose mean is the output: y[k] = (x[k] + ... + x[k-N+1]) / N.
-
-    Attributes:
-        samples: N, the length of the queue.
-        rate: samples per second, into the queue and out of it.
-    """
-
-    samples: int
-    rate: float
-
-    def __post_init__(self) -> None:
-        if self.samples < 1 or not self.rate > 0.0:
-            raise Refused(
-                f"a queue of {self.samples} samples at {self.rate:g} Hz is not possible",
-                "give one sample or more, and the samples per second",
-            )
-
-    @property
-    @traced
-    def delay(self) -> float:
-        """Group delay in s, the same at all frequencies: (N - 1) / 2 samples."""
-        return (self.samples - 1) / (2.0 * self.rate)
-
-    @property
-    def settling(self) -> float:
-        """Time in s from a step to the first output that holds nothing from before it: N - 1 samples."""
-        return (self.samples - 1) / self.rate
-
-    def step(self, time: ArrayLike) -> _Array:
-        """Return the response to a unit step that the first sample at or after time 0 sees; time in s."""
-        after = np.floor(np.asarray(time, dtype=np.float64) * self.rate + 1e-9) + 1.0
-        return np.clip(after / self.samples, 0.0, 1.0)
-
-    def gain(self, frequency: ArrayLike) -> _Array:
-        """Return the gain for sines, |sin(pi f N / rate) / (N sin(pi f / rate))|; frequency in Hz."""
-        angle = np.pi * np.asarray(frequency, dtype=np.float64) / self.rate
-        below = self.samples * np.sin(angle)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = np.sin(self.samples * angle) / below
-        return np.where(np.abs(below) < 1e-12, 1.0, np.abs(ratio))
-
-    def filtered(self, data: ArrayLike) -> _Array:
-        """Return what the queue gives once it is full; shape (n,) becomes (n - N + 1,)."""
-        sums = np.concatenate([[0.0], np.cumsum(np.asarray(data, dtype=np.float64))])
-        return np.asarray((sums[self.samples :] - sums[: -self.samples]) / self.samples)
-
-    @traced
-    def noise(self, curve: AllanCurve) -> float:
-        """Return the deviation between neighbouring averages over sqrt(2), in the curve's unit: its value at N samples.
-
-        Between averaging times the curve is interpolated as straight lines in logarithms.
-
-        Raises:
-            Refused: the queue is longer than the curve's longest averaging time.
-        """
-        length = self.samples / self.rate
-        if length > curve.tau[-1] * (1.0 + 1e-9):
-            raise Refused(f"the curve ends at {curve.tau[-1]:g} s and the queue holds {length:g} s", "record longer")
-        return float(np.exp(np.interp(math.log(length), np.log(curve.tau), np.log(curve.deviation))))
-
-
-@traced
-def best_average(model: NoiseModel) -> MovingAverage:
-    """Return the moving average at the minimum of the Allan deviation: averaging longer lets slower noise in.
-
-    The minimum is flat. The uncertainty of `model.averaging_window` spans the windows that are as good within the
-    record's knowledge; the shortest of them delays least.
-
-    Raises:
-        Refused: the record does not show its minimum.
-    """
-    window = model.averaging_window
-    if not math.isfinite(window.value):
-        raise Refused("no averaging time is known to be best", model.remark or "record longer")
-    return MovingAverage(samples=max(1, round(window.value * model.curve.rate)), rate=model.curve.rate)
-
-
-_FEWEST = 16  # samples: two averages in the eighth of the record
-_PART = 8  # averaging times up to this part of the record have ten degrees of freedom and more
-_POWERS = {-1: 0, -2: 1}  # of tau, in the Allan variance; white noise and bluer ones: -1
-
-
-@traced
-def rest_mean(samples: ArrayLike, rate: float, unit: str, *, systematic: float = 0.0) -> Figure:
-    """Return the mean of a record at rest as a measure of the bias.
-
-    u^2 is the Allan variance at the record's own length T, plus systematic^2. It is that at tau, the longest octave
-    within an eighth of the record, extrapolated to T by the noise type found there: tau / T for white noise, 1 for
-    flicker and T / tau for random walk. For white noise this is s^2 / n; under flicker or random walk, s / sqrt(n)
-    would promise far too much. Degrees of freedom are those of the Allan variance at tau.
-
-    Args:
-        samples: shape (n,), in `unit`; NaN stands for a sample that is missing. Fewer than 16 samples, and samples that
-            are all the same, make the mean NOT_OBSERVABLE.
-        rate: samples per second.
-        unit: unit of samples and result.
-        systematic: standard uncertainty that all samples share, in `unit`; taken as exactly known.
-    """
-    values = np.asarray(samples, dtype=np.float64)
-    present = values[np.isfinite(values)]
-    if present.size < _FEWEST or present.min() == present.max():
-        return not_observable(unit, float(present.mean()) if present.size else math.nan)
-    curve = deviation(values, rate, unit=unit, holes=True)
-    place = max(0, int((curve.m <= values.size // _PART).sum()) - 1)
-    growth = (values.size / int(curve.m[place])) ** _POWERS.get(int(curve.alpha[place]), -1)
-    variance = float(curve.deviation[place]) ** 2 * growth
-    dof = float(curve.edf[place])
-    total = variance + systematic**2
-    return Figure(
-        value=float(present.mean()),
-        unit=unit,
-        uncertainty=math.sqrt(total),
-        dof=dof * (total / variance) ** 2 if variance > 0.0 else math.inf,
-    )

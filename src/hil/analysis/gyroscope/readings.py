@@ -33,7 +33,7 @@ class Reading:
     Attributes:
         temperature: in degC.
         means: mean by axis, all of one unit, each with the uncertainty of a mean (see
-            `hil.analysis.allan.noise.rest_mean`).
+            `hil.analysis.allan.averaging.rest_mean`).
         rates: true rate by axis, in the same unit; axes that are absent do not turn.
         at: time in s since the sensor was started, over which its bias has wandered.
         mounting: the axis along that of the table, which sees one rate of the Earth however the table stands.

@@ -379,22 +379,18 @@ def _require_known(folder: Path, reading: JournalReading) -> None:
 def end_recordings(folder: Path, journal: Journal, recordings: Iterable[events.Recording]) -> None:
     """End recordings whose process was killed, as incomplete, with the rows that reached the disk."""
     for begun in recordings:
-        _end_recording(folder, journal, begun)
-
-
-def _end_recording(folder: Path, journal: Journal, begun: events.Recording) -> None:
-    identifier = begun.recording
-    rows = Rows(
-        folder / RECORDINGS / f"{identifier}.rows",
-        recording=identifier,
-        channels=[(channel.name, channel.unit) for channel in begun.channels],
-        on_block=partial(_write_rows, journal, identifier),
-    )
-    end = rows.finish()
-    ended = events.RecordingEnd(
-        recording=identifier, rows=end.rows, sha256=end.sha256, complete=False, gaps=end.largest_gap_s
-    )
-    journal.write(ended, journal.last_t)
+        identifier = begun.recording
+        rows = Rows(
+            folder / RECORDINGS / f"{identifier}.rows",
+            recording=identifier,
+            channels=[(channel.name, channel.unit) for channel in begun.channels],
+            on_block=partial(_write_rows, journal, identifier),
+        )
+        end = rows.finish()
+        ended = events.RecordingEnd(
+            recording=identifier, rows=end.rows, sha256=end.sha256, complete=False, gaps=end.largest_gap_s
+        )
+        journal.write(ended, journal.last_t)
 
 
 def _write_rows(journal: Journal, identifier: str, rows: int, sha256: str) -> None:

@@ -17,6 +17,7 @@ JUDGING = (
     "model/provenance.py",
     "model/verdict.py",
     "requirements/decision.py",
+    "requirements/unit_words.py",
     "requirements/units.py",
     "requirements/units.txt",
 )
