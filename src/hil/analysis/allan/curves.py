@@ -16,7 +16,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Slow", "slow"]
+__all__ = ["Slow", "roughly", "slow"]
 
 _Array: TypeAlias = NDArray[np.float64]
 
@@ -177,5 +177,10 @@ def _without(parts: _Array, weight: _Array, library: _Library, *, curved: bool) 
 
 def _described(best: int, duration: float) -> str:
     if best < _WARM_UPS.size:
-        return f"a settling with a time constant near {_WARM_UPS[best] * duration:.2g} s"
-    return f"an oscillation with a period near {duration / float(_cycles(_CELLS)[best - _WARM_UPS.size]):.2g} s"
+        return f"a settling with a time constant near {roughly(_WARM_UPS[best] * duration)} s"
+    return f"an oscillation with a period near {roughly(duration / float(_cycles(_CELLS)[best - _WARM_UPS.size]))} s"
+
+
+def roughly(number: float) -> str:
+    """Return a number to two digits, as a person would say it: 300, not 3e+02."""
+    return f"{float(f'{number:.2g}'):g}"

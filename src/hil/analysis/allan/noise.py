@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hil.analysis.allan import fit as allan_fit
-from hil.analysis.allan.curves import Slow, slow
+from hil.analysis.allan.curves import Slow, roughly, slow
 from hil.analysis.allan.deviation import deviation
 from hil.analysis.allan.ends import line, slope_variances, without
 from hil.analysis.allan.results import AllanCurve, NoiseModel
@@ -111,7 +111,7 @@ def characterise(
 def _too_few(usable: int, all_times: int, shown: Filter | None) -> str:
     times = "time" if usable == 1 else "times"
     limited = ", or allow the fit more of them" if usable < all_times and not shown else ""
-    filtered = f" beyond the filter near {shown.corner:.2g} Hz that the record shows" if shown else ""
+    filtered = f" beyond the filter near {roughly(shown.corner)} Hz that the record shows" if shown else ""
     return f"{usable} averaging {times}{filtered} can be fitted and {_FEWEST_POINTS} are needed: record longer{limited}"
 
 
@@ -237,7 +237,7 @@ def _remarks(
             "repeated, or are no noise"
         )
     elif corner or found.squares[0] < 0.0:
-        place = f" near {corner:.2g} Hz" if corner else ""
+        place = f" near {roughly(corner)} Hz" if corner else ""
         yield f"a filter{place} before the sampling bends the curve, fitted from {curve.tau[start]:.4g} s"
     if slowly is not None and slowly.curve:
         yield f"the record holds {slowly.curve}: flicker, random walk and ramp are bounds"
