@@ -25,7 +25,7 @@ SOME = 3 * 7 * 8
 """Bytes of three rows."""
 RECORDS = """\
 with record.during("test", cycler, rate=0.2) as test:
-    for turn in iterations("Turn", 4):
+    for turn in iterations("Turn", 8):
         if cycler.state() != "charge":
             cycler.prepare(1, time=7200.0)
             cycler.start()
