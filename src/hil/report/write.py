@@ -6,12 +6,8 @@ The page is one HTML file that needs no network and no script, on a screen and o
 from __future__ import annotations
 
 import re
-import sys
-from contextlib import suppress
 from dataclasses import replace
 from functools import cache
-from hashlib import sha256
-from importlib.util import cache_from_source
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -26,7 +22,6 @@ from hil.report.page.view import RunView
 
 if TYPE_CHECKING:
     import jinja2
-    from jinja2.bccache import Bucket
 
 __all__ = ["HTML", "JUNIT", "TEMPLATES", "copy_junit", "make_reports", "write_reports"]
 
@@ -137,46 +132,17 @@ def _template() -> jinja2.Template:
     """Return the page's template, compiled once in a process: that takes longer than anything else in a report."""
     import jinja2  # noqa: PLC0415 - only where a page is made
 
-    options: dict[str, bool] = {
-        "trim_blocks": True,
-        "lstrip_blocks": True,
-        "keep_trailing_newline": True,
-        "optimized": False,  # most processes render one page; folding its constants takes longer than it saves
-    }
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(TEMPLATES),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
         finalize=_visible,
-        bytecode_cache=_compiled(f"{jinja2.__version__} {options}"),
-        **options,  # type: ignore[arg-type]
+        optimized=False,  # most processes render one page; folding its constants takes longer than it saves
     )
     return environment.get_template("report.html")
-
-
-def _compiled(how: str) -> jinja2.BytecodeCache | None:
-    """Return where compiled templates are kept: where those of modules would be, nowhere if Python keeps none.
-
-    Args:
-        how: the compiler and its options; what another one has made is not taken.
-    """
-    import jinja2  # noqa: PLC0415 - only where a page is made
-
-    class Kept(jinja2.FileSystemBytecodeCache):
-        def load_bytecode(self, bucket: Bucket) -> None:
-            with suppress(OSError):
-                super().load_bytecode(bucket)
-
-        def dump_bytecode(self, bucket: Bucket) -> None:
-            with suppress(OSError):  # a full disk costs time, and no report
-                super().dump_bytecode(bucket)
-
-    folder = Path(cache_from_source(str(TEMPLATES / "report.py"))).parent
-    if sys.dont_write_bytecode:
-        return None
-    with suppress(OSError):
-        folder.mkdir(parents=True, exist_ok=True)
-    return Kept(str(folder), f"report-{sha256(how.encode()).hexdigest()[:16]}-%s.cache")
 
 
 def _visible(value: object) -> object:

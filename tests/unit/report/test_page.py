@@ -18,7 +18,6 @@ from hil.evidence.package.sealing import seal
 from hil.evidence.package.verification import State, Verification
 from hil.model.errors import Finding
 from hil.model.verdict import Verdict
-from hil.report import write
 from hil.report.drawing.checks import points_of
 from hil.report.drawing.recordings import recording_graphics
 from hil.report.material import Material
@@ -732,46 +731,3 @@ def test_a_value_that_is_not_a_number_has_no_known_ratio(value, tur, shown):
         "",
         "51",
     }
-
-
-@pytest.fixture
-def templates(tmp_path, monkeypatch):
-    """Return a folder with a template of a line, whose compiled form goes to another folder."""
-    folder = tmp_path / "templates"
-    folder.mkdir()
-    (folder / "report.html").write_text("one {{ 1 + 1 }}")
-    monkeypatch.setattr(write, "TEMPLATES", folder)
-    monkeypatch.setattr(sys, "dont_write_bytecode", False)
-    monkeypatch.setattr(sys, "pycache_prefix", str(tmp_path / "compiled"))
-    write._template.cache_clear()
-    yield folder
-    write._template.cache_clear()
-
-
-def rendered():
-    """Return the page of the present template, as a process makes it that begins now."""
-    write._template.cache_clear()
-    return write._template().render()
-
-
-def test_a_template_is_compiled_once_and_kept(templates, tmp_path, monkeypatch):
-    """Each run would compile it; what is kept is taken only for the text that it was made from."""
-    assert rendered() == "one 2"
-    (kept,) = (tmp_path / "compiled").rglob("*.cache")
-    with monkeypatch.context() as patch:
-        patch.setattr("jinja2.Environment.compile", None)
-        assert rendered() == "one 2"
-    (templates / "report.html").write_text("two {{ 1 + 2 }}")
-    assert rendered() == "two 3"
-    kept.write_bytes(kept.read_bytes()[:-9])
-    assert rendered() == "two 3"
-
-
-def test_a_template_is_not_kept_where_that_is_not_wanted_or_cannot_be(templates, tmp_path, monkeypatch):
-    """A full disk, a folder that cannot be written, and Python's own option change no page."""
-    with monkeypatch.context() as patch:
-        patch.setattr(sys, "dont_write_bytecode", True)
-        assert rendered() == "one 2"
-    (tmp_path / "compiled").write_text("a file is no folder")
-    assert rendered() == "one 2"
-    assert not list(tmp_path.rglob("*.cache"))
