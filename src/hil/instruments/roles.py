@@ -210,17 +210,12 @@ class Obc(Protocol):
         ...
 
 
-class Gyroscope(Streamed, Protocol):
-    """A three-axis gyroscope: channels x, y, z in deg/s and temperature in degC."""
+class Inertial(Sampled, Protocol):
+    """What gyroscopes and accelerometers share: they are woken as the wiring says, and know temperature and filter."""
 
     @drives
     def start(self) -> None:
         """Wake the sensor at the range, rate and bandwidth of the wiring, and wait for its first valid sample."""
-        ...
-
-    @drives
-    def stop(self) -> None:
-        """Switch the sensor's gyroscope off."""
         ...
 
     @reads
@@ -231,6 +226,15 @@ class Gyroscope(Streamed, Protocol):
     @reads
     def bandwidth(self) -> Annotated[Figure, "Hz"]:
         """Return the noise bandwidth of the chosen filter in Hz."""
+        ...
+
+
+class Gyroscope(Inertial, Streamed, Protocol):
+    """A three-axis gyroscope: channels x, y, z in deg/s and temperature in degC."""
+
+    @drives
+    def stop(self) -> None:
+        """Switch the sensor's gyroscope off."""
         ...
 
     @reads
@@ -244,27 +248,12 @@ class Gyroscope(Streamed, Protocol):
         ...
 
 
-class Accelerometer(Sampled, Protocol):
+class Accelerometer(Inertial, Protocol):
     """A three-axis accelerometer: channels x, y, z in m/s2, 9.8 upwards at rest, and temperature in degC."""
-
-    @drives
-    def start(self) -> None:
-        """Wake the sensor at the range, rate and bandwidth of the wiring, and wait for its first valid sample."""
-        ...
 
     @drives
     def stop(self) -> None:
         """Switch the sensor's accelerometer off."""
-        ...
-
-    @reads
-    def temperature(self) -> Annotated[Figure, "degC"]:
-        """Return the sensor's own temperature in degC; NoReply where it is marked invalid."""
-        ...
-
-    @reads
-    def bandwidth(self) -> Annotated[Figure, "Hz"]:
-        """Return the noise bandwidth of the chosen filter in Hz."""
         ...
 
     @reads

@@ -19,7 +19,6 @@ from hil.instruments.sensors.fifo import Block, Fifo, Packets, source_of
 from hil.instruments.sensors.registers import Registers
 from hil.instruments.sensors.stillness import Stillness
 from hil.instruments.sensors.timeline import Span, Timeline
-from hil.model.bench import Wire
 from hil.model.errors import DeviceFault, Garbled, NoReply, Refused
 
 __all__ = ["FifoSensor", "Recorder"]
@@ -170,25 +169,10 @@ class FifoSensor(Axes):
     """A sensor that can also sample into its FIFO, see `hil.instruments.sampled.Streamed`.
 
     Its chip's class names `fifo` beside what `Axes` asks for.
-
-    Args:
-        registers, clock, wire, sampling, full_scale, bandwidth: see `Axes`.
     """
 
     fifo: ClassVar[Fifo]
-
-    def __init__(
-        self,
-        registers: Registers,
-        clock: Clock,
-        wire: Wire,
-        sampling: Sampling,
-        *,
-        full_scale: float,
-        bandwidth: float,
-    ) -> None:
-        super().__init__(registers, clock, wire, sampling, full_scale=full_scale, bandwidth=bandwidth)
-        self._recorder: Recorder | None = None
+    _recorder: Recorder | None = None
 
     @drives
     def start(self) -> None:
