@@ -7,7 +7,8 @@ import pytest
 
 from hil.model.bench import InstrumentSpec
 from hil.simulation.peers.model import Connections, PeerSetup
-from hil.simulation.peers.sensors.elements import FieldElement
+from hil.simulation.peers.sensors.elements import AxesElement, FieldElement
+from hil.simulation.plants.thermal_chamber import ChamberTruth, ThermalChamber
 from hil.simulation.seeds import Seeds
 from hil.simulation.truth import Truth
 
@@ -15,14 +16,20 @@ RATE = 80.0
 PERIOD_NS = 12_500_000
 
 
-def element(**truth):
-    """Return an element without a plant."""
-    setup = PeerSetup(
+def setup_of(truth, connects=None):
+    """Return what an element is made from, beside a chamber in which everything is at 22 degC."""
+    chamber = ThermalChamber("chamber", 10**9, ChamberTruth())
+    return PeerSetup(
         instrument=InstrumentSpec(name="mag", driver="any", address=0x1C),
         truth=Truth(truth, ("truth",)),
-        connections=Connections({}, {}, set(), ("connects",)),
+        connections=Connections(connects or {}, {"chamber": chamber}, set(), ("connects",)),
         seeds=Seeds(3),
     )
+
+
+def element(connects=None, **truth):
+    """Return an element of a magnetometer."""
+    setup = setup_of(truth, connects)
     made = FieldElement(setup, noise=(0.32, 0.32, 0.41))
     setup.finish()
     return made
@@ -55,3 +62,22 @@ def test_a_sample_follows_from_its_number():
     assert dict(zip(numbers, jumping, strict=True)) == dict(zip(sorted(numbers), steady, strict=True))
     again = samples(element(field_noise=levels), sorted(numbers), start_ns=PERIOD_NS)
     assert not np.isclose(again, steady).any()
+
+
+@pytest.mark.parametrize("terminal", ["element", "temperature"])
+def test_the_offset_follows_the_temperature_of_the_element(terminal):
+    """That of the chip's thermometer where nothing else is connected."""
+    made = element({terminal: "chamber.die"}, offset=["1", "2", "3"], drift=["0.5", "-1", "0"], noise=["0"] * 3)
+    read = [made.measured(axis, 1, 0, start_ns=-PERIOD_NS, louder=1.0) for axis in range(3)]
+    assert read == pytest.approx([1 + 0.5 * (22 - 25), 2 - (22 - 25), 3])
+
+
+def test_axes_follow_the_temperature_of_the_element():
+    """Not that of the thermometer, if another point is connected."""
+    truth = {"bias_x": ["1", "0.1", "0"], "white": ["0"] * 3, "flicker": ["0"] * 3, "random_walk": ["0"] * 3}
+    ends, degrees = np.array([0]), np.array([35.0])
+    for connects, felt in (({}, 35.0), ({"element": "chamber.die"}, 22.0)):
+        setup = setup_of(truth, connects)
+        made = AxesElement(setup)
+        setup.finish()
+        assert made.measured(1, ends, degrees)[0, 0] == pytest.approx(1 + 0.1 * (felt - 25))

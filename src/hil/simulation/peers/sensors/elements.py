@@ -139,7 +139,8 @@ class AxesElement:
 
     Args:
         setup: of the peer: its faults, its random numbers; its truth, where none is given.
-        terminal: goes to a plant's three signals in the unit of the axes.
+        terminal: goes to a plant's three signals in the unit of the axes; the terminal `element` to the temperature
+            that they follow, where it is not that of the chip's thermometer.
         truth: what they are.
         still: what they see where nothing is connected.
     """
@@ -155,6 +156,7 @@ class AxesElement:
         self._still = np.array(still)[:, np.newaxis]
         self._stream_of = "" if truth is None else f"{terminal} "
         self._rate = setup.connections.axes(terminal)
+        self._point = setup.connections.signal("element")
         self._faults = setup.faults
         self._seeds: Seeds = setup.seeds
         self._name = setup.instrument.name
@@ -187,8 +189,10 @@ class AxesElement:
         Args:
             first: counted from 1.
             ends_ns: when the samples ended.
-            degrees: the die's temperature then.
+            degrees: the die's temperature then, as its thermometer feels it.
         """
+        if self._point is not None:
+            degrees = self._point.observe_many(ends_ns)
         seen = self._seen(ends_ns, degrees - _REFERENCE)
         for axis, noise in enumerate(self._noise):
             seen[axis] += noise.samples(first - 1, ends_ns.size)
@@ -234,12 +238,14 @@ class FieldTruth:
     Attributes:
         offset: what they read in no field, with the jig's own magnetism [uT].
         gain: relative error of the sensitivity.
+        drift: change of the offset over temperature [uT/K]; the offset is that at 25 degC.
         noise: white, in the best mode [uT rms], None for what the data sheet says.
         field_noise: levels in uT, in any mode, in the place of `noise`; white noise up to half the rate of samples.
     """
 
     offset: _Vector = _NOTHING
     gain: _Vector = _NOTHING
+    drift: _Vector = _NOTHING
     noise: _Levels | None = None
     field_noise: LevelsTruth | None = None
 
@@ -248,17 +254,19 @@ class FieldElement:
     """Three axes that sense a magnetic field, with noise by sample number.
 
     Args:
-        setup: of the peer: its truth; the terminal `field` goes to a plant's three signals [uT].
+        setup: of the peer: its truth; the terminal `field` goes to a plant's three signals [uT]; `element`, or else
+            `temperature`, to the temperature that they follow, 25 degC where there is none.
         noise: of the data sheet, in the best mode [uT rms].
     """
 
     def __init__(self, setup: PeerSetup, *, noise: tuple[float, ...]) -> None:
         own = setup.truth.part(FieldTruth)
-        self._offset, self._gain = own.offset, own.gain
+        self._offset, self._gain, self._drift = own.offset, own.gain, own.drift
         self._rms = own.noise or (noise if own.field_noise is None else _NOTHING)
         self._levels = None if own.field_noise is None else _levels(own.field_noise)
         self._levelled: list[RateNoise] = []
         self._field = setup.connections.axes("field")
+        self._point = setup.connections.signal("element") or setup.connections.signal("temperature")
         self._faults = setup.faults
         self._seeds = setup.seeds
         self._name = setup.instrument.name
@@ -284,7 +292,10 @@ class FieldElement:
         noise = self._rms[axis] * louder * self._noise[axis].normal(number)
         if self._levels is not None:
             noise += self._by_levels(self._levels, axis, number, (at_ns - start_ns) / number)
-        return field * (1 + self._gain[axis]) + self._offset[axis] + noise
+        offset = self._offset[axis]
+        if self._drift[axis] and self._point is not None:
+            offset += self._drift[axis] * (self._point.observe_at(at_ns) - _REFERENCE)
+        return field * (1 + self._gain[axis]) + offset + noise
 
     def _by_levels(self, levels: tuple[NoiseLevels, ...], axis: int, number: int, period_ns: float) -> float:
         """Return the noise of these levels in one sample. It follows from its number alone, so that nothing is kept."""
