@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from hil.analysis.battery.steps import StepKind
     from hil.analysis.battery.summary import summarise
     from hil.analysis.coil import expected_field, field_ratio, line_residuals, linearity, resistance
+    from hil.analysis.comparison import rank, relative_deviation
     from hil.analysis.gates import Facts
     from hil.analysis.gyroscope.calibrate import calibrate
     from hil.analysis.gyroscope.interchange import as_c_header, as_json, from_json
@@ -89,7 +90,9 @@ __all__ = [
     "odd_response",
     "peak",
     "psd",
+    "rank",
     "reading",
+    "relative_deviation",
     "reproduction",
     "resistance",
     "rest_mean",
@@ -120,6 +123,7 @@ _MODULES = {
     "battery.steps": ("StepKind",),
     "battery.summary": ("summarise",),
     "coil": ("expected_field", "field_ratio", "line_residuals", "linearity", "resistance"),
+    "comparison": ("rank", "relative_deviation"),
     "gates": ("Facts",),
     "gyroscope.calibrate": ("calibrate",),
     "gyroscope.interchange": ("as_c_header", "as_json", "from_json"),

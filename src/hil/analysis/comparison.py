@@ -1,0 +1,213 @@
+"""Figures against each other: how much two differ and whether that means anything, and which of several is the best.
+
+Two figures are told apart where their difference is beyond what their uncertainties explain: t = |b - a| / u with
+u^2 = u_a^2 + u_b^2, against Student's distribution with the effective degrees of freedom (JCGM 100:2008, G.4). The
+errors of the two are taken as independent.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from hil.analysis.tracing import traced
+from hil.model.errors import Refused
+from hil.model.figure import Figure, FigureStatus, effective_dof
+
+__all__ = ["Deviation", "Place", "Ranking", "rank", "relative_deviation"]
+
+_CONFIDENCE = 0.95
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Deviation:
+    """By how much a second figure deviates from a first one.
+
+    Attributes:
+        relative: (second - first) / |first|, in unit 1; NOT_OBSERVABLE where one of the two is not measured, or where
+            the first cannot be told from zero.
+        probability: that figures which are the same differ as much by chance; NaN where nobody can say.
+        significant: whether the difference is beyond what the uncertainties explain.
+        remark: what can be said of the difference, as a sentence without its full stop.
+    """
+
+    relative: Figure
+    probability: float
+    significant: bool
+    remark: str
+
+
+@traced
+def relative_deviation(first: Figure, second: Figure, *, confidence: float = _CONFIDENCE) -> Deviation:
+    """Return the deviation of a second figure from a first one, (second - first) / |first|, and its significance.
+
+    Its standard uncertainty is sqrt(u_2^2 + (x_2 / x_1)^2 u_1^2) / |x_1|, to first order, which is good while the first
+    figure is known to 30 % or better. The probability is that of the difference itself, and holds for any figures.
+
+    Source: GUM 5.1.2 and G.4.
+
+    Args:
+        first: the figure that the other one is compared with.
+        second: in the same unit.
+        confidence: from which on a difference is significant, and the first figure is not zero.
+
+    Raises:
+        Refused: the figures are in different units, or the confidence is not between 0 and 1.
+    """
+    _require_comparable({"first": first, "second": second}, confidence)
+    poor = _unmeasured(first) or _unmeasured(second)
+    if poor:
+        whose = "first" if _unmeasured(first) else "second"
+        return Deviation(
+            relative=_nowhere(), probability=math.nan, significant=False, remark=f"the {whose} figure is {poor}"
+        )
+    relative = (second.value - first.value) / abs(first.value) if first.value else math.nan
+    if first.uncertainty is None or second.uncertainty is None:
+        found = Figure(value=relative, unit="1") if first.value else _nowhere()
+        remark = "whether the figures differ cannot be said: an uncertainty is not known"
+        return Deviation(relative=found, probability=math.nan, significant=False, remark=remark)
+    probability = _probability(first, second)
+    significant = bool(probability < 1.0 - confidence)
+    explained = "is beyond what the uncertainties explain" if significant else "is within the uncertainties"
+    remark = f"the difference {explained} (p = {probability:.2g})"
+    if _probability(first, Figure(value=0.0, unit=first.unit, uncertainty=0.0)) >= 1.0 - confidence:
+        remark += ", and the first figure cannot be told from zero"
+        return Deviation(relative=_nowhere(), probability=probability, significant=significant, remark=remark)
+    parts = [
+        ((second.uncertainty / first.value) ** 2, second.dof),
+        ((second.value * first.uncertainty / first.value**2) ** 2, first.dof),
+    ]
+    uncertainty = math.sqrt(sum(variance for variance, _ in parts))
+    found = Figure(value=relative, unit="1", uncertainty=uncertainty, dof=effective_dof(parts))
+    return Deviation(relative=found, probability=probability, significant=significant, remark=remark)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Place:
+    """Where one figure stands among several, the lowest first.
+
+    Attributes:
+        name: whose figure it is.
+        figure: the figure.
+        rank: one more than there are figures that are lower for certain: the best place that it can have.
+        last: the worst place that it can have.
+        ties: the names of those that cannot be told from it, in their order.
+    """
+
+    name: str
+    figure: Figure
+    rank: int
+    last: int
+    ties: tuple[str, ...]
+
+    @property
+    def said(self) -> str:
+        """The place as a table has it: `3`, or `3-5` where it is a tie."""
+        return str(self.rank) if self.rank == self.last else f"{self.rank}-{self.last}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ranking:
+    """Several figures in order, and those that have no place.
+
+    Attributes:
+        places: in the order of their values, the lowest first.
+        unranked: why a figure has no place, by its name.
+        confidence: at which two figures are told apart.
+    """
+
+    places: tuple[Place, ...]
+    unranked: Mapping[str, str]
+    confidence: float
+
+
+@traced
+def rank(
+    figures: Mapping[str, Figure],
+    *,
+    doubts: Mapping[str, Sequence[str]] | None = None,
+    confidence: float = _CONFIDENCE,
+) -> Ranking:
+    """Return the places of figures, the lowest value first; for drifts and other signed figures give magnitudes.
+
+    A figure's rank is one more than there are figures that are lower for certain, so that those that cannot be told
+    apart share ranks. That is no chain: of three, the first may be told from the last and neither from the one between
+    them, which then ties with both. Pairs are compared one by one: of twenty pairs of equal figures one is told apart
+    at 95 %.
+
+    Figures that are not measured, of unknown uncertainty, no numbers, or in doubt, are not ranked.
+
+    Args:
+        figures: by name, in one unit.
+        doubts: why a figure cannot be trusted, by name; none or an empty sequence is no doubt.
+        confidence: at which two figures are told apart.
+
+    Raises:
+        Refused: the figures are in different units, or the confidence is not between 0 and 1.
+    """
+    _require_comparable(figures, confidence)
+    doubted = {name: "; ".join(said) for name, said in (doubts or {}).items() if said}
+    unranked = {name: doubted.get(name) or _unrankable(figure) for name, figure in figures.items()}
+    ranked = sorted((name for name, reason in unranked.items() if not reason), key=lambda name: figures[name].value)
+    apart = {
+        (low, high): _probability(figures[low], figures[high]) < 1.0 - confidence
+        for place, low in enumerate(ranked)
+        for high in ranked[place + 1 :]
+    }
+    return Ranking(
+        places=tuple(_place(name, figures[name], ranked, apart) for name in ranked),
+        unranked={name: reason for name, reason in unranked.items() if reason},
+        confidence=confidence,
+    )
+
+
+def _place(name: str, figure: Figure, ranked: Sequence[str], apart: Mapping[tuple[str, str], bool]) -> Place:
+    lower = sum(apart.get((other, name), False) for other in ranked)
+    higher = sum(apart.get((name, other), False) for other in ranked)
+    ties = tuple(
+        other
+        for other in ranked
+        if other != name and not apart.get((other, name), False) and not apart.get((name, other), False)
+    )
+    return Place(name=name, figure=figure, rank=1 + lower, last=len(ranked) - higher, ties=ties)
+
+
+def _require_comparable(figures: Mapping[str, Figure], confidence: float) -> None:
+    units = dict.fromkeys(figure.unit for figure in figures.values())
+    if len(units) > 1:
+        raise Refused(f"figures in {' and '.join(units)} cannot be compared", "bring them to one unit")
+    if not 0.0 < confidence < 1.0:
+        raise Refused(f"a confidence of {confidence:g} is not between 0 and 1", "give 0.95 for 95 %")
+
+
+def _unmeasured(figure: Figure) -> str:
+    """Return what a figure is that is no measured number, empty for all others."""
+    if figure.status is FigureStatus.UPPER_LIMIT:
+        return f"an upper limit of {figure.value:.3g} {figure.unit}"
+    if figure.status is not FigureStatus.MEASURED:
+        return {
+            FigureStatus.NOT_OBSERVABLE: "not observable",
+            FigureStatus.MODEL_REJECTED: "of a model that the record rejects",
+        }[figure.status]
+    return "" if math.isfinite(figure.value) else "no finite number"
+
+
+def _unrankable(figure: Figure) -> str:
+    return _unmeasured(figure) or ("of unknown uncertainty" if figure.uncertainty is None else "")
+
+
+def _nowhere() -> Figure:
+    return Figure(value=math.nan, unit="1", status=FigureStatus.NOT_OBSERVABLE)
+
+
+def _probability(one: Figure, other: Figure) -> float:
+    """Return the probability that two figures of known uncertainty, which are the same, differ as much by chance."""
+    from scipy.special import stdtr  # noqa: PLC0415 - scipy is slow to import
+
+    parts = [((each.uncertainty or 0.0) ** 2, each.dof) for each in (one, other)]
+    spread = math.sqrt(sum(variance for variance, _ in parts))
+    difference = abs(one.value - other.value)
+    if not spread:
+        return 0.0 if difference else 1.0
+    return 2.0 * float(stdtr(effective_dof(parts), -difference / spread))
