@@ -6,7 +6,7 @@ import base64
 import os
 import platform
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
 from importlib import metadata
 from pathlib import Path
@@ -38,12 +38,26 @@ PINNED = {
 """Variables of the environment; they have to be there before NumPy is imported."""
 
 
-def pinned_environment() -> dict[str, str]:
-    """Return this process' environment with the pins set, pytest's own variables removed."""
+def pinned_environment(warnings: Sequence[str] = sys.warnoptions) -> dict[str, str]:
+    """Return this process' environment with the pins set, pytest's own variables removed.
+
+    Args:
+        warnings: what this Python was told to do with warnings.
+
+    Raises:
+        Refused: for `python -W error` and PYTHONWARNINGS=error; a library that warns would end the run by it.
+    """
+    if any(each.partition(":")[0] in _FATAL for each in warnings):
+        raise Refused(
+            "this Python makes errors of warnings, so that a library that warns would end the run",
+            "unset PYTHONWARNINGS, and start Python without -W",
+        )
     kept = {key: value for key, value in os.environ.items() if not key.startswith("PYTEST_")}
     return {**kept, **PINNED}
 
 
+_FATAL = frozenset("error"[:length] for length in range(1, 6))
+"""What makes errors of warnings; Python takes the first letters of the word for the whole."""
 _BUILT = "built.json"
 """What the wheel has beside the product's modules: the commit of its source, and whether it differed."""
 _FLAGS = ("optimize", "dev_mode", "ignore_environment", "isolated", "no_site", "no_user_site", "safe_path")

@@ -140,6 +140,14 @@ class _FrozenLoader(SourceFileLoader):
         super().__init__(name, path)
         self._frozen = frozen
 
+    def exec_module(self, module: ModuleType) -> None:
+        """Execute the module; what it makes of the recursion limit would end the run itself."""
+        limit = sys.getrecursionlimit()
+        try:
+            super().exec_module(module)
+        finally:
+            sys.setrecursionlimit(limit)
+
     def get_data(self, path: str) -> bytes:
         """Return the frozen source; what else somebody wants of a package is opened like any other file."""
         return self._frozen.source(path) if path == self.path else super().get_data(path)
