@@ -39,7 +39,7 @@ _PARAMETERS = {
     "temperatures": 'values: ["-16", "10", "25", "40"]',
     "scale_temperatures": 'values: ["-16", "40"]',
     "other_temperatures": 'values: ["-16", "25", "40"]',
-    "verification_rates": 'values: ["13.6", "-20"]',
+    "verification_rates": 'values: ["13.6", "-20", "27.2", "-27.2"]',
 }
 _SHORT = {
     "rest_duration": 'value: "300"',
