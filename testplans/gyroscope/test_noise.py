@@ -19,13 +19,13 @@ HEADLINES = {
 """What the first page of the report calls a parameter."""
 
 
-def model_of(samples, rate, unit, parameters):
+def model_of(samples, rate, unit, bandwidth):
     """Return the noise of an axis; None of a record in which samples are no numbers: nothing is concluded from it.
 
-    They were at a rail, or marked invalid.
+    They were at a rail, or marked invalid. Averages that a filter of this bandwidth [Hz] bends are not fitted.
     """
     whole = np.isfinite(samples).all()
-    return characterise(samples, rate, unit, tau_min=parameters.shortest_average) if whole else None
+    return characterise(samples, rate, unit, bandwidth=bandwidth) if whole else None
 
 
 def figures_of(model, unit, queue):
@@ -65,13 +65,13 @@ def test_noise_at_rest(chamber, rotation, rate_sensor, doubts_of, record, check,
         doubts = doubts_of(rest, parameters.in_unit("noise_density", "deg/s/sqrt(Hz)"))
         check("ADCS-GYR-015", "lost_frames", rest.stream.lost)
         check("ADCS-GYR-015", "clock_drift", observed(rest.stream.drift, "1", rest.stream.drift_uncertainty))
-    rate = assess(rest.time).rate
+    rate, bandwidth = assess(rest.time).rate, rate_sensor.bandwidth().value
     queue = MovingAverage(samples=int(parameters.queue), rate=rate)
     check("ADCS-GYR-013", "delay", Figure(value=queue.delay, unit="s"))
     for axis in AXES:
         with step(f"Characterise axis {axis}"):
             unit = rest.unit(axis)
-            model = model_of(rest[axis], rate, unit, parameters)
+            model = model_of(rest[axis], rate, unit, bandwidth)
             disagreements = ()
             if model is not None:
                 disagreements = agreement(psd(rest[axis], rate, unit), model).doubts()

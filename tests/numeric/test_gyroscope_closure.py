@@ -18,8 +18,12 @@ from gyroscope_campaigns import AXES, PLAN, Parts, as_built, campaign, quiet
 from scipy.special import stdtrit
 from workspaces import ROOT
 
+from hil.analysis.noise.rate_noise import NoiseLevels, RateNoise
+from hil.bench.file.reading import load_bench
+from hil.model.figure import FigureStatus
 from hil.plugin.plans.markers import MARKERS
 from hil.requirements.catalogue import load_catalogue
+from hil.simulation.seeds import Seeds
 
 SEEDS = sweeps.sample(range(25), 9)
 TEMPERATURES = (-16.0, 10.0, 40.0)
@@ -233,3 +237,31 @@ def test_a_bias_that_is_quadratic_in_temperature_is_found_to_be_so(undisturbed, 
         straight = degrees(campaigns, curved=False)
         fewer = sweeps.chosen(deviations(len(straight)), 0.0)
         assert straight.count(1) >= 0.95 * len(straight) - fewer
+
+
+def test_the_coefficients_of_four_hours_at_rest_hold_the_truth(parts):
+    """The plan's own fit, with the bandwidth that the sensor says, of the bench's noise over 25 seeds in a soak."""
+    spec = load_bench(ROOT / "fixtures/benches", "adcs", ROOT)
+    truth = next(peer.truth for peer in spec.simulated.peers if peer.device == "gyro1")
+    pulls = []
+    for seed in sweeps.sample(range(25), 2):
+        for place, axis in enumerate(AXES):
+            levels = {name: float(truth[name][place]) for name in ("white", "flicker", "random_walk")}
+            model = parts.noise.model_of(at_rest(seed, axis, levels), 100.0, "deg/s", 25.0)
+            assert model.white.status in {FigureStatus.MEASURED, FigureStatus.MODEL_REJECTED}
+            for name, true in levels.items():
+                figure = getattr(model, name)
+                if figure.status is FigureStatus.MEASURED:
+                    pulls.append((figure.value - true) / figure.uncertainty)
+    sys.stdout.write(f"\ncoefficients: {len(pulls)} pulls, mean {np.mean(pulls):.2f}, deviation {np.std(pulls):.2f}\n")
+    inside = np.count_nonzero(np.abs(pulls) < 1.96)
+    assert inside >= 0.95 * len(pulls) - deviations(len(pulls))
+    assert abs(np.std(pulls) - 1.0) < 3.3 / math.sqrt(2.0 * len(pulls))
+
+
+def at_rest(seed, axis, levels):
+    """Return four hours of one axis at 100 Hz behind a filter of 25 Hz."""
+    noise = RateNoise(
+        lambda kind: Seeds(seed).stream(f"gyro1.{axis}", kind), NoiseLevels(**levels), rate=100.0, bandwidth=25.0
+    )
+    return noise.samples(0, 1_440_000)

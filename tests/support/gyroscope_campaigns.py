@@ -125,6 +125,7 @@ class Parts:
     """The workspace's own case and fixtures, loaded by path as the executive does."""
 
     case: object
+    noise: object
     chamber: object
     rotation: object
 
@@ -141,6 +142,7 @@ class Parts:
 
         return cls(
             load("case", "testplans/gyroscope/test_calibration.py"),
+            load("noise", "testplans/gyroscope/test_noise.py"),
             load("chamber", "fixtures/chamber.py"),
             load("rotation", "fixtures/rotation.py"),
         )
