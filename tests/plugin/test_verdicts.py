@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import signal
+import sys
 from functools import cache
+from pathlib import Path
 
 import pytest
 from told_as_json import bodies, results_as_json
 from workspaces import agreed, make
 
 from hil.evidence.package.verification import verify
+from hil.executive.ending.signals import Alarm
 
 CHECK = '''
 @pytest.mark.requirement("T-010")
@@ -413,6 +417,82 @@ def test_a_case_that_takes_too_long_is_an_error(judged, statement, seconds):
     """Passing `max_duration` is an ERROR, whether a scheduling point sees it or the case's end only."""
     judged.agrees(test_one="ERROR")
     assert judged.reasons() == f"the case took longer than its {seconds:g} s of bench time"
+
+
+@pytest.mark.together(
+    """
+    torn = []
+
+    @pytest.fixture
+    def before():
+        yield
+        torn.append("before")
+
+    @pytest.fixture
+    def late(before, clock):
+        yield
+        clock.sleep(12)
+
+    @pytest.mark.requirement("T-010")
+    @pytest.mark.max_duration(10)
+    def test_one(late, check):
+        check("T-010", "ratio", 1.0)
+
+    @pytest.mark.requirement("T-010")
+    def test_two(check):
+        check("T-010", "ratio", len(torn))
+    """
+)
+def test_a_teardown_that_takes_too_long_leaves_the_others_to_do_theirs(judged):
+    """The other fixtures of the case are torn down, and the next case, here or in another module, begins as ever."""
+    judged.agrees(test_one="ERROR", test_two="PASS")
+    assert judged.reasons() == "the case took longer than its 10 s of bench time"
+
+
+def test_an_alarm_ends_a_cases_own_code_and_nothing_else(tmp_path, monkeypatch):
+    """Wherever it rings between the end of a case's time and the end of the case, pytest's own code is not cut in two.
+
+    An exception there would pass hooks that have nothing to catch it with, and end the run.
+    """
+    alarms, raised, heard = [], [], []
+
+    def keep(alarm, attendant):
+        alarm._attendant = attendant
+        alarms.append(alarm)
+
+    monkeypatch.setattr(Alarm, "keep", keep)
+
+    def ring(frame, event, _):
+        if event != "call":
+            return
+        heard.append(frame.f_globals["__name__"])
+        try:
+            alarms[0]._ring(signal.SIGALRM, frame)
+        except BaseException as error:  # noqa: BLE001 - it is not to pass
+            raised.append((Path(frame.f_code.co_filename).name, type(error).__name__))
+
+    cases = """
+    import sys
+
+    @pytest.fixture
+    def late():
+        yield
+        (lambda: None)()
+        sys.setprofile(None)
+
+    @pytest.mark.requirement("T-010")
+    @pytest.mark.max_duration(0.001)
+    def test_one(late, check, supply):
+        check("T-010", "ratio", 1.0)
+        supply.sensor.voltage()
+        sys.ring_at_each_call()
+        (lambda: None)()
+    """
+    monkeypatch.setattr(sys, "ring_at_each_call", lambda: sys.setprofile(ring), raising=False)
+    found = ran(tmp_path, cases, LAST)
+    agreed(found, {"test_one": "ERROR", "test_last": "PASS"}, "ERROR", 1)
+    assert {"contextlib", "_pytest.runner", "pluggy._manager", "hil.plugin.campaign"} < set(heard)
+    assert set(raised) == {("test_small.py", "CaseTimeout")}
 
 
 def test_a_supply_that_refuses_to_switch_off_is_unsafe(tmp_path):

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from functools import partial
+from types import FrameType
 from typing import NoReturn
 
 import pytest
@@ -24,6 +26,14 @@ from hil.plugin.plans.markers import MARKERS
 from hil.plugin.plans.plan_sources import refuse_sources
 
 __all__ = ["Campaign", "Opener"]
+
+_CALLERS = ("_pytest.", "pluggy.", "hil.plugin.", "hil.executive.")
+"""What calls a case's own code, or is called by it, and is never ended in the middle."""
+
+_LIBRARIES = sys.stdlib_module_names | {"hil"}
+"""What is anybody's code, that of a case where a case calls it."""
+
+_Finalizers = list[Callable[[], object]]
 
 _NOT_PYTHON = re.compile(r"^E +(SyntaxError|IndentationError|TabError): ", re.MULTILINE)
 
@@ -155,30 +165,59 @@ class Campaign:
             return (yield)
         except BaseException as error:
             run.raised(error)
-            self._tear_down(item, run)
+            self._tear_down(item)
             raise
         finally:
             self.running.end(run)
             self._ended.add(item.nodeid)
 
-    def _tear_down(self, item: pytest.Item, run: CaseRun) -> None:
-        """Tear down the fixtures of a case that ends pytest, as `q` in a debugger does; after the seal is too late."""
-        try:
-            item.session._setupstate.teardown_exact(None)  # noqa: SLF001 - pytest has no public way to it
-        except BaseException as error:  # noqa: BLE001 - whatever it is, pytest is on its way out
-            run.raised(error)
+    def _tear_down(
+        self, item: pytest.Item, nextitem: pytest.Item | None = None, begun: Iterable[_Finalizers] = ()
+    ) -> None:
+        """Tear down what a case leaves that ended pytest or its own teardown; after the seal is too late.
+
+        Args:
+            item: the case.
+            nextitem: the case after it, whose fixtures stay.
+            begun: what pytest has begun to call.
+        """
+        run = self.running.current
+        with self.running.flags.case_code(partial(_is_own, sys._getframe())):  # noqa: SLF001 - as below
+            for finalizers in (*begun, *_left(item, nextitem)):
+                while finalizers:
+                    try:
+                        finalizers.pop()()
+                    except BaseException as error:  # noqa: BLE001 - whatever it is, the rest is torn down
+                        if run is not None:
+                            run.raised(error, run.escapes.place_of(error))
 
     @pytest.hookimpl(wrapper=True, trylast=True)
     def pytest_runtest_setup(self) -> Generator[None, object, object]:
         """Let what ends a case's own code end that of its fixtures as well."""
+        return (yield from self._fixtures_code(sys._getframe(1)))  # noqa: SLF001 - nothing else tells who called
+
+    @pytest.hookimpl(wrapper=True, trylast=True)
+    def pytest_runtest_teardown(
+        self, item: pytest.Item, nextitem: pytest.Item | None
+    ) -> Generator[None, object, object]:
+        """Do so in the teardown, and tear down what pytest leaves after a stop or a timeout in there."""
+        stack = item.session._setupstate.stack  # noqa: SLF001 - pytest has no public way to it
+        before = {node: finalizers for node, (finalizers, _) in reversed(stack.items())}
+        try:
+            return (yield from self._fixtures_code(sys._getframe(1)))  # noqa: SLF001 - as above
+        except Exception:
+            raise
+        except BaseException:
+            self._tear_down(item, nextitem, [before[node] for node in before if node not in stack])
+            raise
+
+    def _fixtures_code(self, caller: FrameType) -> Generator[None, object, object]:
         limit = sys.getrecursionlimit()
-        with self.running.flags.case_code():
+        with self.running.flags.case_code(partial(_is_own, caller)):
             try:
                 return (yield)
             finally:
                 sys.setrecursionlimit(limit)  # as below
-
-    pytest_runtest_teardown = pytest_runtest_setup
 
     @pytest.hookimpl(wrapper=True, tryfirst=True)
     def pytest_pyfunc_call(self) -> Generator[None, object, object]:
@@ -187,9 +226,9 @@ class Campaign:
         Code that makes pytest believe afterwards that nothing was raised does not deceive the run.
         """
         run = self.running.current
-        limit = sys.getrecursionlimit()
+        caller, limit = sys._getframe(1), sys.getrecursionlimit()  # noqa: SLF001 - as above
         try:
-            with self.running.flags.case_code():
+            with self.running.flags.case_code(partial(_is_own, caller)):
                 try:
                     return (yield)
                 finally:
@@ -269,6 +308,33 @@ class Campaign:
         for case in self._planned:
             if case not in self._ended:
                 self.running.not_run(case, DESELECTED if case in self._deselected else reason)
+
+
+def _left(item: pytest.Item, nextitem: pytest.Item | None) -> Iterator[_Finalizers]:
+    """Take what is set up and the next case has no use for from the stack of pytest, the innermost first."""
+    stack = item.session._setupstate.stack  # noqa: SLF001 - as above
+    needed = nextitem.listchain() if nextitem else []
+    while list(stack) != needed[: len(stack)]:
+        yield stack.popitem()[1][0]
+
+
+def _is_own(caller: FrameType, frame: FrameType | None) -> bool:
+    """Return whether an exception raised where a signal came ends a case's own code and passes nothing but that.
+
+    Args:
+        caller: what calls the hook within which a case's code runs, as long as it does.
+        frame: where the signal came.
+    """
+    name = ""
+    while frame is not None and not name:
+        name = f"{frame.f_globals.get('__name__')}."
+        if name.partition(".")[0] in _LIBRARIES and not name.startswith(_CALLERS):
+            name, frame = "", frame.f_back  # whoever called it decides
+    if name.startswith(_CALLERS):
+        return False
+    while frame is not None and frame is not caller:
+        frame = frame.f_back
+    return frame is not None
 
 
 def _skip_within(run: CaseRun | None, error: BaseException) -> None:

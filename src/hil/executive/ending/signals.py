@@ -45,7 +45,7 @@ def handle_signals(flags: StopFlags) -> Iterator[Alarm]:
     alarm = Alarm(flags)
     parent = os.getppid()
 
-    def handler(number: int, _frame: FrameType | None) -> None:
+    def handler(number: int, frame: FrameType | None) -> None:
         name = signal.Signals(number).name
         if number == signal.SIGTERM and os.getppid() != parent:
             name = SUPERVISOR_ENDED
@@ -53,7 +53,7 @@ def handle_signals(flags: StopFlags) -> Iterator[Alarm]:
             flags.request(name)
         if flags.urgent or number in _UNATTENDED:
             alarm.set(_AGAIN_S if flags.urgent else _PATIENCE_S)
-        flags.interrupt()
+        flags.interrupt(frame)
 
     heard = [number for number in _SIGNALS if number == signal.SIGINT or signal.getsignal(number) != signal.SIG_IGN]
     before = {number: signal.signal(number, handler) for number in heard}
@@ -122,13 +122,13 @@ class Alarm:
         else:
             signal.setitimer(signal.ITIMER_REAL, seconds, again_s)
 
-    def _ring(self, _number: int, _frame: FrameType | None) -> None:
+    def _ring(self, _number: int, frame: FrameType | None) -> None:
         if self._attendant is not None:
             self._attendant.between()
         if not self._flags.in_case:
             return
         if wall.monotonic() >= self._cut_at - _SLACK_S:
             self._flags.urgent = True
-            self._flags.interrupt()
+            self._flags.interrupt(frame)
         elif self._attendant is not None:
-            self._flags.interlude(self._attendant.attend)
+            self._flags.interlude(self._attendant.attend, frame)

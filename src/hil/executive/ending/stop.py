@@ -7,17 +7,20 @@ import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from types import FrameType
 from typing import NoReturn, Protocol
 
 from hil.clock import wall
 from hil.evidence.events import NOTHING, Event, EventSink
 from hil.model.errors import HilError
 
-__all__ = ["Astray", "EndableRun", "StopFlags", "Stopped", "Turn", "leave_unsealed"]
+__all__ = ["Astray", "EndableRun", "IsOwn", "StopFlags", "Stopped", "Turn", "leave_unsealed"]
 
 
 _MOST_CUTS = 10
 _INTERNAL = 3
+IsOwn = Callable[[FrameType | None], bool]
+"""Tells whether a case's own code, or what it called, is at a frame that a signal interrupted."""
 
 
 class Stopped(BaseException):
@@ -60,7 +63,7 @@ class StopFlags:
 
     def __init__(self) -> None:
         self._home = os.getpid(), threading.get_ident()
-        self._in_case = 0
+        self._is_own: IsOwn | None = None
         self._undisturbed = 0
         self._shielded = 0
         self._alone_since = self._served_since = 0.0
@@ -76,7 +79,7 @@ class StopFlags:
     @property
     def in_case(self) -> bool:
         """Whether a case's own code runs."""
-        return self._in_case > 0
+        return self._is_own is not None
 
     @property
     def is_shielded(self) -> bool:
@@ -119,9 +122,9 @@ class StopFlags:
         if self.reason and not self._shielded:
             raise Stopped(self.reason)
 
-    def interrupt(self) -> None:
-        """Raise Stopped for an urgent request if that can be done right here."""
-        if self.urgent and self._in_case and not self._undisturbed and not self._shielded:
+    def interrupt(self, frame: FrameType | None = None) -> None:
+        """Raise Stopped for an urgent request if that can be done where a signal came."""
+        if self.urgent and self._may_raise(frame):
             self.cuts += 1
             if self.cuts == 1 and self._run is not None:
                 self._run.make_safe()
@@ -129,30 +132,38 @@ class StopFlags:
                 self.give_up()
             raise Stopped(self.reason)
 
-    def interlude(self, attend: Callable[[float, float], None]) -> None:
+    def interlude(self, attend: Callable[[float, float], None], frame: FrameType | None = None) -> None:
         """Do something if a case's own code is at nothing that must not be disturbed.
 
         Args:
             attend: is told for how many seconds of the wall that code ran since the executive had a look, and since it
                 came to a scheduling point itself.
+            frame: where a signal came.
         """
-        if self._in_case and not self._undisturbed and not self._shielded:
+        if self._may_raise(frame):
             now, served = wall.monotonic(), self._served_since
             attend(now - self._alone_since, now - served)
             self._alone_since, self._served_since = wall.monotonic(), served
 
+    def _may_raise(self, frame: FrameType | None) -> bool:
+        """Return whether what is raised at this frame ends the case's own code, and can end nothing else."""
+        return not self._undisturbed and not self._shielded and self._is_own is not None and self._is_own(frame)
+
     @contextmanager
-    def case_code(self) -> Iterator[None]:
+    def case_code(self, is_own: IsOwn = lambda _: True) -> Iterator[None]:
         """Let an urgent request end what runs in here at once: a case's own code, and nothing else.
 
         A copy of the process that the case forked ends where the case's code does.
+
+        Args:
+            is_own: tells a case's own code from what calls it, where an exception would be caught by nobody.
         """
-        self._in_case += 1
+        self._is_own = is_own
         self._alone_since = self._served_since = wall.monotonic()
         try:
             yield
         finally:
-            self._in_case -= 1
+            self._is_own = None
             if self.is_copy:
                 os._exit(1)
 
