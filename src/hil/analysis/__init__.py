@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from hil.analysis.battery.summary import summarise
     from hil.analysis.coil import expected_field, field_ratio, line_residuals, linearity, resistance
     from hil.analysis.comparison import rank, relative_deviation
+    from hil.analysis.drift import drift_of, fragments
     from hil.analysis.gates import Facts
     from hil.analysis.gyroscope.calibrate import calibrate
     from hil.analysis.gyroscope.interchange import as_c_header, as_json, from_json
@@ -74,11 +75,13 @@ __all__ = [
     "cycles",
     "deviation",
     "direction",
+    "drift_of",
     "end_uncertainty",
     "expected_field",
     "export_disagreements",
     "fade",
     "field_ratio",
+    "fragments",
     "from_json",
     "joule_integral",
     "line_residuals",
@@ -124,6 +127,7 @@ _MODULES = {
     "battery.summary": ("summarise",),
     "coil": ("expected_field", "field_ratio", "line_residuals", "linearity", "resistance"),
     "comparison": ("rank", "relative_deviation"),
+    "drift": ("drift_of", "fragments"),
     "gates": ("Facts",),
     "gyroscope.calibrate": ("calibrate",),
     "gyroscope.interchange": ("as_c_header", "as_json", "from_json"),

@@ -1,0 +1,356 @@
+"""Drift of a sensor over temperature and time: slope, offset and hysteresis, with the confidence that the record has.
+
+A record of minutes holds thousands of samples and few independent ones: flicker and random walk are slow, and so is the
+temperature. So samples are averaged into bins of equal time, a line is fitted to the averages by least squares, and the
+noise of the averages is estimated as the sum of white noise, flicker and random walk, by restricted maximum likelihood.
+The uncertainty of a coefficient is that of this sum, its degrees of freedom are Satterthwaite's: a record that shows
+the slow noise badly gives wide intervals. What the line does not follow (curvature, hysteresis) counts as slow noise.
+
+A slope over temperature is that of everything that changed while the temperature did. On a single ramp, drift over time
+and over temperature cannot be told apart; heating followed by cooling separates them.
+
+Sources: D. A. Harville, Maximum likelihood approaches to variance component estimation, JASA 72 (1977); F. G.
+Giesbrecht and J. C. Burns, Biometrics 41 (1985), for the degrees of freedom; N. J. Kasdin, Proc. IEEE 83 (1995), for
+the covariance of flicker.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from itertools import pairwise
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hil.analysis.comparison import relative_deviation
+from hil.analysis.gates import celsius, finite, stuck
+from hil.analysis.statistics import not_observable
+from hil.analysis.tracing import traced
+from hil.model.errors import Refused
+from hil.model.figure import Figure
+
+__all__ = ["Drift", "drift_of", "fragments"]
+
+_Array: TypeAlias = NDArray[np.float64]
+
+_BINS, _FEWEST, _SAMPLES = 60, 8, 4  # bins of a record, the fewest that tell anything, samples of a bin
+_RANGE_K = 5.0
+_BEYOND_K = 2.0  # how far from the temperatures of the record an offset is stated
+_CELLS, _FEWEST_CELLS = 8, 3  # of temperature, in which heating and cooling are compared
+_MOVING = 0.01  # of the fastest change: a slower one is neither heating nor cooling
+_ROUNDS, _SETTLED, _SHARE = 60, 1e-2, 0.05  # of the estimate of the noise; a smaller share costs no degree of freedom
+_HOUR = 3600.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drift:
+    """What a record says of one axis; figures that it does not tell are NOT_OBSERVABLE.
+
+    Attributes:
+        slope: change over temperature [unit/K], of the line through heating and cooling.
+        offset: value of that line at the reference temperature [unit].
+        hysteresis: mean of heating minus cooling at the same temperature, over the range that both have [unit].
+        per_hour: change over time [unit/h], whatever made it.
+        warming: change of the temperature over time [K/h].
+        reasons: why a figure is not observable, by its name, a sentence without its full stop.
+        time, temperature, value: means of the bins [s, degC, unit], shape (k,).
+        heating: of each bin 1 while it heats, -1 while it cools, 0 where neither, shape (k,).
+    """
+
+    slope: Figure
+    offset: Figure
+    hysteresis: Figure
+    per_hour: Figure
+    warming: Figure
+    reasons: Mapping[str, str]
+    time: _Array
+    temperature: _Array
+    value: _Array
+    heating: NDArray[np.int8]
+
+    def why(self, name: str) -> list[str]:
+        """Return why a figure of this name is not observable, for a check's `doubts`; empty where it is."""
+        return [f"{name} is not observable: {self.reasons[name]}"] if name in self.reasons else []
+
+    def probability(self, name: str) -> float:
+        """Return the probability that a figure of this name is zero and reads like this by chance (Student's t)."""
+        figure: Figure = getattr(self, name)
+        return relative_deviation(figure, Figure(value=0.0, unit=figure.unit, uncertainty=0.0)).probability
+
+
+@dataclass(frozen=True, slots=True)
+class _Binned:
+    """Means of bins, and each one's number: bins without a sample are left out."""
+
+    number: NDArray[np.intp]
+    time: _Array
+    temperature: _Array
+    value: _Array
+    heating: NDArray[np.int8] = field(default_factory=lambda: np.zeros(0, np.int8))
+
+
+@traced
+def drift_of(
+    time: ArrayLike,
+    temperature: ArrayLike,
+    values: ArrayLike,
+    unit: str,
+    *,
+    reference: float = 25.0,
+    least_range: float = _RANGE_K,
+) -> Drift:
+    """Return drift, offset and hysteresis of one axis.
+
+    A channel that is stuck or holds no finite numbers tells nothing; a temperature that cannot be in degrees Celsius
+    (raw counts, kelvin), or that changed by too little, tells nothing per kelvin, but the drift over time remains.
+
+    Args:
+        time: of the samples in s, rising, shape (n,).
+        temperature: of the sensor in degC, shape (n,).
+        values: of the axis in `unit`, shape (n,).
+        unit: of the values.
+        reference: temperature of the offset in degC.
+        least_range: change of the temperature from which on it tells a slope, in K.
+
+    Raises:
+        Refused: arrays of different shapes.
+    """
+    seconds, degrees, given = (np.asarray(each, dtype=np.float64) for each in (time, temperature, values))
+    if not seconds.shape == degrees.shape == given.shape or seconds.ndim != 1:
+        raise Refused("time, temperature and values have different shapes", "give one of each per sample")
+    binned = _binned(seconds, degrees, given)
+    told = _reason_at_all(seconds, given, binned)
+    if told:
+        return _nothing(unit, dict.fromkeys(("slope", "offset", "hysteresis", "per_hour", "warming"), told), binned)
+    found = _nothing(unit, {}, binned)
+    hours = (binned.time - binned.time.mean()) / _HOUR
+    per_hour = _line(hours, binned.number, binned.value).figure(f"{unit}/h", (0.0, 1.0))
+    told = _reason_of_temperature(degrees, binned, least_range)
+    if told:
+        warming = not_observable("K/h")
+        reasons = dict.fromkeys(("slope", "offset", "hysteresis"), told)
+        if not np.isfinite(binned.temperature).all() or not celsius("temperature", degrees).ok:
+            reasons["warming"] = told
+        else:
+            warming = _line(hours, binned.number, binned.temperature).figure("K/h", (0.0, 1.0))
+        return replace(found, per_hour=per_hour, warming=warming, reasons=reasons)
+    line = _line(binned.temperature - reference, binned.number, binned.value)
+    hysteresis, reasons = _hysteresis(binned, unit, least_range)
+    offset = line.figure(unit, (1.0, 0.0))
+    low, high = float(binned.temperature.min()), float(binned.temperature.max())
+    if not low - _BEYOND_K <= reference <= high + _BEYOND_K:
+        reasons["offset"] = f"{reference:g} degC is not within the {low:.1f} to {high:.1f} degC of the record"
+        offset = not_observable(unit, offset.value)
+    return replace(
+        found,
+        slope=line.figure(f"{unit}/K", (0.0, 1.0)),
+        offset=offset,
+        hysteresis=hysteresis,
+        per_hour=per_hour,
+        warming=_line(hours, binned.number, binned.temperature).figure("K/h", (0.0, 1.0)),
+        reasons=reasons,
+    )
+
+
+@traced
+def fragments(time: ArrayLike, rate: float, *, longest_gap: float | None = None) -> list[slice]:
+    """Return the parts of a record that hang together: a log that was interrupted has several.
+
+    Args:
+        time: of the samples in s, shape (n,).
+        rate: nominal samples per second.
+        longest_gap: beyond which a new part begins [s]; five intervals without it.
+    """
+    seconds = np.asarray(time, dtype=np.float64)
+    if not seconds.size:
+        return []
+    longest = 5.0 / rate if longest_gap is None else longest_gap
+    steps = np.diff(seconds)
+    breaks = np.flatnonzero((steps > longest) | (steps <= 0.0)) + 1
+    edges = [0, *breaks.tolist(), seconds.size]
+    return [slice(begin, end) for begin, end in pairwise(edges)]
+
+
+def _binned(time: _Array, temperature: _Array, values: _Array) -> _Binned:
+    """Return means over bins of equal time, of as many samples as are numbers."""
+    count = min(_BINS, time.size // _SAMPLES)
+    if count < _FEWEST or not time[-1] > time[0]:
+        nothing = np.zeros(0)
+        return _Binned(np.zeros(0, np.intp), nothing, nothing, nothing)
+    place = np.minimum(((time - time[0]) / (time[-1] - time[0]) * count).astype(np.intp), count - 1)
+    samples = np.bincount(place, minlength=count)
+    filled = np.flatnonzero(samples * 2 > samples.max())
+    means = [np.bincount(place, each, count)[filled] / samples[filled] for each in (time, temperature, values)]
+    return _Binned(filled, means[0], means[1], means[2], _heating(means[0], means[1]))
+
+
+def _heating(time: _Array, temperature: _Array) -> NDArray[np.int8]:
+    """Return the direction of each bin; the first after a turn has none, nor has the last before it."""
+    rates = np.diff(temperature) / np.diff(time)
+    fastest = float(np.abs(rates).max(initial=0.0))
+    signs = np.where(np.abs(rates) >= _MOVING * fastest, np.sign(rates), 0.0) if fastest > 0.0 else 0.0 * rates
+    before, after = np.concatenate([signs[:1], signs]), np.concatenate([signs, signs[-1:]])
+    return np.where(before == after, before, 0.0).astype(np.int8)
+
+
+def _reason_at_all(time: _Array, values: _Array, binned: _Binned) -> str:
+    """Return why nothing can be said, empty where something can."""
+    for gate in (finite("values", values), stuck("values", values)):
+        if gate.ok is False:
+            return f"{gate.name}: {gate.reason}"
+    if binned.number.size < _FEWEST:
+        long = time[-1] - time[0] if time.size else 0.0
+        return f"{time.size} samples in {long:.3g} s are too few: {_FEWEST} bins of {_SAMPLES} samples are needed"
+    return ""
+
+
+def _reason_of_temperature(temperature: _Array, binned: _Binned, least_range: float) -> str:
+    """Return why nothing can be said per kelvin, empty where something can."""
+    for gate in (finite("temperature", temperature), celsius("temperature", temperature)):
+        if gate.ok is False:
+            return f"temperature {gate.reason}"
+    changed = float(np.ptp(binned.temperature))
+    return f"the temperature changed by {changed:.2g} K only, {least_range:g} K are needed" * (changed < least_range)
+
+
+def _nothing(unit: str, reasons: Mapping[str, str], binned: _Binned) -> Drift:
+    names = {"slope": f"{unit}/K", "offset": unit, "hysteresis": unit, "per_hour": f"{unit}/h", "warming": "K/h"}
+    figures = {name: not_observable(each) for name, each in names.items()}
+    return Drift(
+        **figures,
+        reasons=dict(reasons),
+        time=binned.time,
+        temperature=binned.temperature,
+        value=binned.value,
+        heating=binned.heating,
+    )
+
+
+def _hysteresis(binned: _Binned, unit: str, least_range: float) -> tuple[Figure, dict[str, str]]:
+    """Return the mean of heating minus cooling, over cells of equal width in which both were.
+
+    In each cell what the line leaves is compared, so that bins of one cell need not be at one temperature.
+    """
+    legs = [binned.temperature[binned.heating == sign] for sign in (1, -1)]
+    if not all(leg.size for leg in legs):
+        return not_observable(unit), {"hysteresis": f"the temperature only {('fell', 'rose')[bool(legs[0].size)]}"}
+    low, high = max(leg.min() for leg in legs), min(leg.max() for leg in legs)
+    if high - low < least_range:
+        told = f"heating and cooling have {max(high - low, 0.0):.2g} K in common, {least_range:g} K are needed"
+        return not_observable(unit), {"hysteresis": told}
+    cell = np.floor((binned.temperature - low) / (high - low) * _CELLS).clip(-1, _CELLS)
+    weights, both = np.zeros(binned.value.size), 0
+    for number in range(_CELLS):
+        sides = [(cell == number) & (binned.heating == sign) for sign in (1, -1)]
+        if all(side.any() for side in sides):
+            weights += sides[0] / sides[0].sum() - sides[1] / sides[1].sum()
+            both += 1
+    if both < _FEWEST_CELLS:
+        return not_observable(unit), {"hysteresis": f"heating and cooling meet in {both} of {_CELLS} ranges only"}
+    moving = binned.heating != 0
+    sign, warmer = binned.heating[moving], binned.temperature[moving] - binned.temperature[moving].mean()
+    straight = np.column_stack([np.ones_like(warmer), warmer])
+    weights = weights[moving] / both
+    weights -= np.linalg.pinv(straight).T @ (straight.T @ weights)
+    loop = np.column_stack([straight, warmer**2, sign, sign * warmer])
+    noise = _noise(loop, binned.number[moving], binned.value[moving])
+    return noise.figure_of(weights, float(weights @ binned.value[moving]), unit), {}
+
+
+@dataclass(frozen=True, slots=True)
+class _Noise:
+    """Levels of the parts of the noise [unit^2], their covariances, and how well the levels are known.
+
+    Attributes:
+        levels: shape (3,), of white noise, flicker and random walk.
+        parts: shape (3, k, k).
+        information: Fisher's, of the levels, shape (3, 3).
+        most: degrees of freedom that the residuals have.
+    """
+
+    levels: _Array
+    parts: _Array
+    information: _Array
+    most: int
+
+    def figure_of(self, weights: _Array, value: float, unit: str) -> Figure:
+        """Return a weighted sum of the bins' means as a figure."""
+        shares = np.einsum("i,kij,j->k", weights, self.parts, weights)
+        variance = float(shares @ self.levels)
+        present = self.levels > _SHARE * self.levels.sum()
+        if not variance > 0.0:
+            return Figure(value=value, unit=unit, uncertainty=0.0, dof=float(self.most))
+        gradient = shares[present]
+        spread = gradient @ np.linalg.pinv(self.information[np.ix_(present, present)]) @ gradient
+        dof = 2.0 * variance**2 / spread if spread > 0.0 else float(self.most)
+        dof = float(min(max(dof, 1.0), self.most))
+        return Figure(value=value, unit=unit, uncertainty=math.sqrt(variance), dof=dof)
+
+
+@dataclass(frozen=True, slots=True)
+class _Line:
+    """A line through the means of the bins: what gives its coefficients, and the noise."""
+
+    inverse: _Array
+    value: _Array
+    noise: _Noise
+
+    def figure(self, unit: str, of: Sequence[float]) -> Figure:
+        """Return a combination of intercept and slope."""
+        weights = np.asarray(of) @ self.inverse
+        return self.noise.figure_of(weights, float(weights @ self.value), unit)
+
+
+def _line(argument: _Array, number: NDArray[np.intp], value: _Array) -> _Line:
+    """Fit value = a + b argument by least squares."""
+    design = np.column_stack([np.ones_like(argument), argument])
+    return _Line(np.linalg.pinv(design), value, _noise(design, number, value))
+
+
+def _noise(design: _Array, number: NDArray[np.intp], value: _Array) -> _Noise:
+    """Estimate the noise of the means from what a linear model leaves, by restricted maximum likelihood.
+
+    Levels are multiplied by sqrt(y'P K P y / tr(P K)) until they settle, which keeps them above zero and the likelihood
+    rising (H. Zhou et al., J. Comput. Graph. Stat. 28, 2019).
+    """
+    count, terms = design.shape
+    parts = _parts(int(number[-1]) + 1)[:, number[:, np.newaxis], number]
+    left = value - design @ (np.linalg.pinv(design) @ value)
+    scale = float(left @ left) / (count - terms)
+    levels = np.full(len(parts), max(scale, np.finfo(float).tiny) / len(parts))
+    projection = np.zeros((count, count))
+    for _ in range(_ROUNDS):
+        inverse = np.linalg.inv(np.tensordot(levels, parts, 1))
+        seen = inverse @ design
+        projection = inverse - seen @ np.linalg.solve(design.T @ seen, seen.T)
+        weighted = projection @ left
+        found = np.einsum("i,kij,j->k", weighted, parts, weighted)
+        factor = np.sqrt(found / np.einsum("ij,kij->k", projection, parts))
+        levels = levels * factor
+        if bool(((np.abs(factor - 1.0) < _SETTLED) | (levels < _SETTLED * _SETTLED * levels.sum())).all()):
+            break
+    seen_parts = projection @ parts
+    information = 0.5 * np.einsum("kij,lji->kl", seen_parts, seen_parts)
+    return _Noise(levels * (scale > 0.0), parts, information, count - terms)
+
+
+@lru_cache(maxsize=8)
+def _parts(count: int) -> _Array:
+    """Return covariances of the means of neighbouring bins, each of mean variance 1, shape (3, count, count).
+
+    White noise; flicker, from Kasdin's coefficients of f^-1/2; random walk, whose means over unit bins have the
+    covariance min(i, j) - 1/6 on the diagonal and min(i, j) beside it. The last two have no level of their own: they
+    are counted from their mean over the record.
+    """
+    steps = np.arange(count)
+    response = np.cumprod(np.concatenate([[1.0], (steps[1:] - 0.5) / steps[1:]]))
+    apart = steps[:, np.newaxis] - steps
+    filtered = np.where(apart >= 0, response[np.abs(apart)], 0.0)
+    walk = np.minimum.outer(steps, steps) + 1.0 - np.eye(count) / 6.0
+    centred = np.eye(count) - 1.0 / count
+    parts = np.array([np.eye(count), centred @ filtered @ filtered.T @ centred, centred @ walk @ centred])
+    return np.asarray(parts * (count / np.trace(parts, axis1=1, axis2=2))[:, np.newaxis, np.newaxis])
