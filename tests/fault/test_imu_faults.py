@@ -25,19 +25,19 @@ REQUIREMENTS = """
 - {{id: T-010, rev: 1, text: Each axis shall be small., kind: limit, method: test,
    limits: [{{parameter: mean, of: [x, y, z], unit: {unit}, min: "-100", max: "100", decision: simple}}]}}
 - {{id: T-020, rev: 1, text: Rest shall be recorded., kind: record, method: test,
-   records: {{recording: rest, channels: [x, y, z, temperature], rate: {rate} Hz, duration: 7 s, max_gap: 0.2 s}}}}
+   records: {{recording: rest, channels: [x, y, z, temperature], rate: {rate} Hz, duration: 7 s, max_gap: 0.3 s}}}}
 - {{id: T-030, rev: 1, text: The temperature shall be known., kind: limit, method: test,
    limits: [{{parameter: temperature, unit: degC, min: "-40", max: "85", decision: simple}}]}}
 """
 SENSORS = {
     "gyroscope.icm": ("icm1", "112.5", "deg/s"),
-    "magnetometer.icm": ("icm1", "20", "uT"),
+    "magnetometer.icm": ("icm1", "10", "uT"),
     "gyroscope.bno": ("bno1", "20", "deg/s"),
-    "magnetometer.bno": ("bno1", "20", "uT"),
+    "magnetometer.bno": ("bno1", "6", "uT"),
     "gyroscope.bmi": ("bmi1", "100", "deg/s"),
-    "gyroscope.lsm": ("lsm1", "119", "deg/s"),
-    "magnetometer.lsm": ("lsm1", "20", "uT"),
-    "magnetometer.lis": ("lis1", "20", "uT"),
+    "gyroscope.lsm": ("lsm1", "14.9", "deg/s"),
+    "magnetometer.lsm": ("lsm1", "5", "uT"),
+    "magnetometer.lis": ("lis1", "5", "uT"),
 }
 FAULTS = [
     ("kind: asleep, from: 5 s", "started again|its settings|start it again"),

@@ -12,7 +12,7 @@ pytestmark = pytest.mark.system
 SENSORS = {
     "gyroscope": ("deg/s", {"bno": 10.0, "lsm": 10.0, "icm": 112.5, "bmi": 100.0}),
     "accelerometer": ("m/s2", {"lsm": 10.0, "icm": 10.0, "bmi": 10.0}),
-    "magnetometer": ("uT", {"bno": 10.0, "lsm": 10.0, "icm": 10.0, "lis": 10.0}),
+    "magnetometer": ("uT", {"bno": 5.0, "lsm": 5.0, "icm": 10.0, "lis": 5.0}),
 }
 """Unit of the axes, and a rate at which each can be recorded; the gyroscopes of `icm` and `bmi` stream."""
 

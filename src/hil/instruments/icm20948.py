@@ -19,6 +19,7 @@ import numpy as np
 
 from hil.clock.port import Clock
 from hil.instruments import settings
+from hil.instruments.marks import reads
 from hil.instruments.sampled import Channel
 from hil.instruments.sensors.axes import Axes, Sampling, three_axes
 from hil.instruments.sensors.fifo import Fifo, Packets
@@ -29,6 +30,7 @@ from hil.instruments.sensors.sensor import Chip, Sensor, SensorDriver
 from hil.instruments.sensors.stillness import Stillness
 from hil.model.bench import Wire
 from hil.model.errors import NoReply
+from hil.model.figure import Figure
 from hil.model.notation import measured
 
 __all__ = ["Icm20948", "Icm20948Accelerometer", "Icm20948Gyroscope", "Icm20948Magnetometer"]
@@ -90,6 +92,7 @@ _OFF, _SOFT_RESET = 0x00, 0x01
 _MAG_RESET_S = 0.001
 _READY, _OVERFLOW = 0x01, 0x08
 _MAG_NOISE = 2.0  # counts rms, a guess
+_MAG_LSB, _MAG_MOST = 0.15, 32752  # uT; readings stop there
 
 
 def _decoded(data: bytes) -> Packets:
@@ -280,9 +283,23 @@ class Icm20948Magnetometer(Sensor):
         super().__init__(registers, clock, wire)
         self._first_die = cast("Registers", registers.other)
         self._rate = settings.read(wire, MagnetometerSettings).rate
-        # Readings stop at 32752 counts.
-        self._axes = Scale(per_unit=1.0, factor=0.15, rails=(-32752, 32752))
+        self._axes = Scale(per_unit=1.0, factor=_MAG_LSB, rails=(-_MAG_MOST, _MAG_MOST))
         self._stillness = Stillness(self._device, self._axes, _MAG_NOISE)
+
+    @reads
+    def bandwidth(self) -> Figure:
+        """Return half the rate in Hz: it has no filter, and each of its measurements has noise of its own."""
+        return Figure(value=self._rate / 2.0, unit="Hz")
+
+    @reads
+    def resolution(self) -> Figure:
+        """Return one count in uT."""
+        return Figure(value=_MAG_LSB, unit="uT")
+
+    @reads
+    def full_scale(self) -> Figure:
+        """Return the largest field in uT."""
+        return Figure(value=_MAG_LSB * _MAG_MOST, unit="uT")
 
     def _identify(self) -> None:
         """Open the way to the magnetometer, then ask for its name; the first die must be the right one, too."""

@@ -13,6 +13,7 @@ from typing import Annotated, ClassVar
 
 from hil.clock.port import Clock
 from hil.instruments import settings
+from hil.instruments.marks import reads
 from hil.instruments.sampled import Channel
 from hil.instruments.sensors.axes import three_axes
 from hil.instruments.sensors.registers import Registers
@@ -21,6 +22,7 @@ from hil.instruments.sensors.sensor import Chip, Sensor, SensorDriver
 from hil.instruments.sensors.stillness import Stillness
 from hil.model.bench import Wire
 from hil.model.errors import Garbled
+from hil.model.figure import Figure
 from hil.model.notation import measured
 
 __all__ = ["Lis3mdl", "Lis3mdlMagnetometer", "Lis3mdlSettings"]
@@ -78,10 +80,10 @@ class Lis3mdlMagnetometer(Sensor):
     def __init__(self, registers: Registers, clock: Clock, wire: Wire) -> None:
         super().__init__(registers, clock, wire)
         own = settings.read(wire, Lis3mdlSettings)
-        self._rate, full_scale = own.rate, own.range
-        code, per_gauss = self.ranges[full_scale]
+        self._rate, self._range = own.rate, own.range
+        code, per_gauss = self.ranges[own.range]
         self._axes = Scale(
-            per_unit=per_gauss, factor=_MICROTESLA_PER_GAUSS, full_scale=full_scale, rails=(-32768, 32767)
+            per_unit=per_gauss, factor=_MICROTESLA_PER_GAUSS, full_scale=own.range, rails=(-32768, 32767)
         )
         self._controls = bytes(
             (
@@ -93,6 +95,21 @@ class Lis3mdlMagnetometer(Sensor):
             )
         )
         self._stillness = Stillness(self._device, self._axes)
+
+    @reads
+    def bandwidth(self) -> Figure:
+        """Return half the rate in Hz: it has no filter, and each of its measurements has noise of its own."""
+        return Figure(value=self._rate / 2.0, unit="Hz")
+
+    @reads
+    def resolution(self) -> Figure:
+        """Return one count of the chosen range in uT."""
+        return Figure(value=self._axes.resolution, unit="uT")
+
+    @reads
+    def full_scale(self) -> Figure:
+        """Return the largest field of the chosen range in uT."""
+        return Figure(value=self._range * _MICROTESLA_PER_GAUSS, unit="uT")
 
     def _wake(self) -> None:
         """Set range and rate from power-down, read the settings back, and wait for the first new sample."""

@@ -45,8 +45,13 @@ _LONGEST_START_S = 0.5
 _TURNS = {245.0: (0b00, 8.75), 500.0: (0b01, 17.5), 2000.0: (0b11, 70.0)}
 _ACCELERATIONS = {2.0: (0b00, 0.061), 4.0: (0b10, 0.122), 8.0: (0b11, 0.244), 16.0: (0b01, 0.732)}
 _FIELDS = {4.0: (0b00, 0.14), 8.0: (0b01, 0.29), 12.0: (0b10, 0.43), 16.0: (0b11, 0.58)}
-# Rate in Hz: code, and -3 dB bandwidth in Hz of gyroscope and accelerometer.
-_RATES = {119.0: (3, 38.0, 50.0), 238.0: (4, 76.0, 105.0), 476.0: (5, 100.0, 211.0), 952.0: (6, 100.0, 408.0)}
+# Rate in Hz: code, and -3 dB bandwidth in Hz. The accelerometer's slowest rates are those that it has by itself.
+_GYRO_RATES = {
+    14.9: (1, 5.0), 59.5: (2, 19.0), 119.0: (3, 38.0), 238.0: (4, 76.0), 476.0: (5, 100.0), 952.0: (6, 100.0),
+}  # fmt: skip
+_ACCEL_RATES = {
+    10.0: (1, 408.0), 50.0: (2, 408.0), 119.0: (3, 50.0), 238.0: (4, 105.0), 476.0: (5, 211.0), 952.0: (6, 408.0),
+}  # fmt: skip
 _TEN_HERTZ = 1 << 5
 _GYRO_NOISE, _ACCEL_NOISE = 0.007, 90e-6  # deg/s/sqrt(Hz) and g/sqrt(Hz)
 _STANDARD_GRAVITY = 9.80665
@@ -69,7 +74,7 @@ class Lsm9ds1GyroscopeSettings:
     """What the gyroscope's wire may set: range [deg/s], and rate of samples [Hz]."""
 
     range: Annotated[float, measured("deg/s", choices=tuple(_TURNS))] = 245.0
-    rate: Annotated[float, measured("Hz", choices=tuple(_RATES))] = 119.0
+    rate: Annotated[float, measured("Hz", choices=tuple(_GYRO_RATES))] = 119.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,7 +82,7 @@ class Lsm9ds1AccelerometerSettings:
     """What the accelerometer's wire may set: range [g], and rate of samples [Hz], as of a gyroscope that is wired."""
 
     range: Annotated[float, measured("g", choices=tuple(_ACCELERATIONS))] = 2.0
-    rate: Annotated[float, measured("Hz", choices=tuple(_RATES))] = 119.0
+    rate: Annotated[float, measured("Hz", choices=tuple(_ACCEL_RATES))] = 119.0
 
 
 class _Inertial(Axes):
@@ -96,11 +101,11 @@ class _Inertial(Axes):
     def _wake(self) -> None:
         """Reset the die unless another sensor needs it, set it up, read all back, and wait for the first sample."""
         for other in (self.beside.get("gyroscope"), self.beside.get("accelerometer")):
-            if isinstance(other, _Inertial) and other.rate != self.rate:
+            if isinstance(other, _Inertial) and other.controls >> 5 != self.controls >> 5:
                 raise Refused(
                     f"{self._device}: gyroscope and accelerometer have one rate, and are wired for {self.rate:g} and"
                     f" {other.rate:g} Hz",
-                    "give both wires the same rate",
+                    "give both wires the same rate; to 14.9 Hz belong 10 Hz of the accelerometer, to 59.5 Hz 50 Hz",
                 )
         if not any(each.running for each in self.beside.values()):
             self._registers.write(_CTRL_REG8, _RESET)
@@ -159,7 +164,7 @@ class Lsm9ds1Gyroscope(_Inertial):
     def __init__(self, registers: Registers, clock: Clock, wire: Wire) -> None:
         own = settings.read(wire, Lsm9ds1GyroscopeSettings)
         code, milli = _TURNS[own.range]
-        rate, cut_off, _ = _RATES[own.rate]
+        rate, cut_off = _GYRO_RATES[own.rate]
         self.controls = rate << 5 | code << 3
         bandwidth = cut_off * _BUTTERWORTH
         sampling = Sampling(
@@ -185,7 +190,7 @@ class Lsm9ds1Accelerometer(_Inertial):
     def __init__(self, registers: Registers, clock: Clock, wire: Wire) -> None:
         own = settings.read(wire, Lsm9ds1AccelerometerSettings)
         code, milli = _ACCELERATIONS[own.range]
-        rate, _, cut_off = _RATES[own.rate]
+        rate, cut_off = _ACCEL_RATES[own.rate]
         self.controls = rate << 5 | code << 3
         bandwidth = cut_off * _BUTTERWORTH
         sampling = Sampling(

@@ -122,6 +122,21 @@ class Magnetometer(Sampled, Protocol):
         """Return the temperature of the sensor's next sample in degC."""
         ...
 
+    @reads
+    def bandwidth(self) -> Annotated[Figure, "Hz"]:
+        """Return the noise bandwidth of its measurements in Hz; half their rate where nothing filters them."""
+        ...
+
+    @reads
+    def resolution(self) -> Annotated[Figure, "uT"]:
+        """Return the smallest step of the chosen range in uT."""
+        ...
+
+    @reads
+    def full_scale(self) -> Annotated[Figure, "uT"]:
+        """Return the largest field of the chosen range in uT."""
+        ...
+
 
 class Thermal(Protocol):
     """A temperature controller. Degrees Celsius."""
