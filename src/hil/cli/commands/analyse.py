@@ -1,4 +1,4 @@
-"""`hil analyse`: characterise an existing log."""
+"""`hil analyse`: characterise an existing log, or check a published table."""
 
 from __future__ import annotations
 
@@ -8,13 +8,14 @@ from hil.cli.analyses.allan import allan
 from hil.cli.analyses.battery import battery
 from hil.cli.analyses.gyroscope_temperature import gyroscope_temperature
 from hil.cli.analyses.psd import psd
+from hil.cli.analyses.table import table
 
 __all__ = ["command"]
 
 
 @click.group("analyse")
 def command() -> None:
-    """Characterise an existing log.
+    """Characterise an existing log, or check a published table.
 
     \b
     Example:
@@ -26,3 +27,4 @@ command.add_command(allan)
 command.add_command(battery)
 command.add_command(gyroscope_temperature)
 command.add_command(psd)
+command.add_command(table)

@@ -1,0 +1,94 @@
+"""Which cells of a published table follow from its sources."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+from hil.analysis.published.causes import Asked, causes
+from hil.analysis.published.formula import Formula, Missing
+from hil.analysis.published.printed import Key, Printed, PrintedTable
+from hil.analysis.published.ranges import Undefined
+
+__all__ = ["CellVerdict", "CheckedCell", "check"]
+
+
+class CellVerdict(StrEnum):
+    """What is said of a published cell."""
+
+    FOLLOWS = "follows"
+    DOES_NOT_FOLLOW = "does not follow"
+    UNKNOWN = "unknown"
+    """It cannot be recomputed."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CheckedCell:
+    """A published cell and what its formula gives.
+
+    Attributes:
+        row: of the published table.
+        column: of the published table.
+        printed: what stands there.
+        verdict: whether it follows.
+        low: the least value that the formula has while each source is within its rounding; None where it is unknown.
+        high: likewise the largest.
+        reason: why it is unknown, empty elsewhere.
+        causes: what would explain that it does not follow, likeliest first; may be empty.
+    """
+
+    row: str
+    column: str
+    printed: Printed
+    verdict: CellVerdict
+    low: float | None = None
+    high: float | None = None
+    reason: str = ""
+    causes: tuple[str, ...] = ()
+
+
+def check(
+    published: PrintedTable,
+    formulas: Mapping[Key, Formula],
+    tables: Mapping[str, PrintedTable],
+    others: Sequence[PrintedTable] = (),
+) -> tuple[CheckedCell, ...]:
+    """Recompute the cells of a published table, and say of each whether it follows.
+
+    A printed number stands for every number that rounds to it. A cell follows where one of those is among the values
+    that the formula has while each source is anywhere within its own rounding. So a cell that does not follow cannot
+    come from these sources by this formula, however they were rounded.
+
+    Args:
+        published: the table that is asked about.
+        formulas: by row and column; cells without one, and blank cells, are left out.
+        tables: the sources, by the names in the formulas.
+        others: further tables, in which a cell may be found that was copied by mistake.
+    """
+    asked = [
+        Asked(place=place, printed=cell, formula=formulas[place], tables=tables)
+        for place, cell in published.filled()
+        if place in formulas
+    ]
+    return tuple(_checked(each, published, asked, others) for each in asked)
+
+
+def _checked(
+    cell: Asked, published: PrintedTable, asked: Sequence[Asked], others: Sequence[PrintedTable]
+) -> CheckedCell:
+    row, column = cell.place
+    try:
+        found = cell.recomputed()
+    except (Missing, Undefined) as error:
+        return CheckedCell(row=row, column=column, printed=cell.printed, verdict=CellVerdict.UNKNOWN, reason=str(error))
+    follows = cell.meets(found)
+    return CheckedCell(
+        row=row,
+        column=column,
+        printed=cell.printed,
+        verdict=CellVerdict.FOLLOWS if follows else CellVerdict.DOES_NOT_FOLLOW,
+        low=found.low,
+        high=found.high,
+        causes=() if follows else tuple(causes(cell, published, asked, others)),
+    )
