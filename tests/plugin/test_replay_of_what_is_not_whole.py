@@ -7,7 +7,9 @@ import shutil
 from pathlib import Path
 
 import pytest
+from workspaces import make
 
+from hil.documents.canonical import canonical
 from hil.evidence.folder import JOURNAL, RESULTS, TRANSCRIPT
 from hil.evidence.package.contents import Package
 from hil.model.errors import ConfigurationError
@@ -74,3 +76,23 @@ def test_every_damaged_line_of_a_transcript_is_named(copy):
     first, second = map(str, refused.value.findings)
     assert first.startswith("data/transcript.tsv:40:1: the line is damaged: field 'sequence' must be a whole number")
     assert second.startswith("data/transcript.tsv:100:1: the line is damaged: expected 8 fields (")
+
+
+READ = """
+@pytest.mark.requirement("T-050")
+def test_one(check, supply):
+    check("T-050", "voltage", supply.coil.voltage())
+"""
+
+
+def test_a_value_that_was_rewritten_is_not_what_the_bytes_give(tmp_path):
+    """Attack: a check's value is another one, and whatever follows from it as well; the recorded bytes are not."""
+    package = make(tmp_path / "workspace", READ).run().package
+    path = package.folder / RESULTS
+    path.chmod(0o644)
+    results = json.loads(path.read_bytes())
+    (check,) = results["cases"][0]["checks"]
+    path.write_bytes(canonical({**results, "cases": [{**results["cases"][0], "checks": [{**check, "value": 4.5}]}]}))
+    (told,) = replay(Package(package.folder)).differences
+    assert "test_one: value of T-050 voltage was 4.5 in the record, " in told
+    assert told.endswith(" replayed")

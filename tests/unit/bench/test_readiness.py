@@ -64,6 +64,18 @@ def test_bench_in_good_order_is_ready():
         assert energy(bench) == OFF
 
 
+def test_a_supply_without_a_reduced_level_was_not_tried():
+    """Attack: a bench file without `reduced`. The gate holds, and says what it does not prove."""
+    spec = adcs()
+    wiring = tuple(replace(wire, reduced=None) if wire.name == "supply.sensor" else wire for wire in spec.wiring)
+    with bound(replace(spec, wiring=wiring)) as bench:
+        found = gates(bench)
+    assert found["reduced level of supply.sensor"].ok
+    assert [gate.unproven for gate in found.values() if gate.unproven] == [
+        "supply.sensor was not tried at a reduced level: its wire has none"
+    ]
+
+
 def test_looking_drives_nothing():
     """The unpowered gates leave an output that is on as it is."""
     with bound(adcs()) as bench:

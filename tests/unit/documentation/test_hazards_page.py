@@ -2,67 +2,24 @@
 
 from __future__ import annotations
 
-import ast
 import re
-from functools import cache
-from pathlib import Path
 
 import pytest
+from proven_tables import proofs_of, rows_of, why_none
+from workspaces import ROOT
 
-ROOT = Path(__file__).parents[3]
 PAGE = ROOT / "docs" / "explanations" / "hazards.md"
 COLUMNS = ["hazard", "cause", "control by software", "control without it", "detection", "proven by"]
 WITHOUT_SOFTWARE = ("passive: ", "device: ")
 OWN_PROGRAMS = re.compile(r"\b(hil|executive|guardian|envelope|safe-off|driver|clamp|udev|python)\b", re.IGNORECASE)
 
 
-def cells(line):
-    """Return the cells of a table's line."""
-    return [cell.strip() for cell in line.strip().strip("|").split("|")]
-
-
-def hazards(text):
-    """Return every row of every table with the columns of hazards."""
-    rows, inside = [], False
-    for line in text.splitlines():
-        if not line.startswith("|"):
-            inside = False
-        elif cells(line) == COLUMNS:
-            inside = True
-        elif inside and set(line) - set("|-"):
-            rows.append(dict(zip(COLUMNS, cells(line), strict=True)))
-    return rows
-
-
-ROWS = hazards(PAGE.read_text(encoding="utf-8"))
+ROWS = rows_of(PAGE, COLUMNS)
 
 
 def shown(row):
     """Return a row as the test's name shows it."""
     return f"{row['hazard']}, {row['cause']}"
-
-
-@cache
-def names_in(path):
-    """Return the names of a file's tests, and every text in it, which names of parameters are among."""
-    tree = ast.parse((ROOT / path).read_text(encoding="utf-8"))
-    names = {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}
-    texts = {node.value for node in ast.walk(tree) if isinstance(node, ast.Constant) and isinstance(node.value, str)}
-    return {name for name in names if name.startswith("test_")}, texts
-
-
-def problem(proof):
-    """Return why a proof is none, empty where it is one."""
-    found = re.fullmatch(r"`(tests/[\w/]+\.py)::(\w+)(?:\[([^\]]+)\])?`", proof)
-    if found is None:
-        return f"{proof} names no test"
-    path, name, parameter = found.groups()
-    if not (ROOT / path).is_file():
-        return f"there is no {path}"
-    names, texts = names_in(path)
-    if name not in names:
-        return f"{path} has no {name}"
-    return f"{path} has no parameter '{parameter}'" if parameter and parameter not in texts else ""
 
 
 def test_the_page_has_its_hazards():
@@ -84,7 +41,7 @@ def test_a_hazard_has_two_controls_and_a_detection(row):
 @pytest.mark.parametrize("row", ROWS, ids=shown)
 def test_a_hazard_has_a_test_that_is_there(row):
     """Every test that a row names is in its file, and so is its parameter."""
-    assert [problem(proof) for proof in row["proven by"].split("<br>") if problem(proof)] == []
+    assert [why_none(proof) for proof in proofs_of(row) if why_none(proof)] == []
 
 
 @pytest.mark.parametrize(
@@ -99,4 +56,4 @@ def test_a_hazard_has_a_test_that_is_there(row):
 )
 def test_what_proves_nothing_is_found(proof, what):
     """The look at proofs is no formality."""
-    assert what in problem(proof)
+    assert what in why_none(proof)
