@@ -108,7 +108,7 @@ def test_edges_that_are_no_watermark_do_no_harm(chip):
 
 @BOARD
 def test_a_fifo_that_overflows_leaves_time_empty_and_is_counted(chip):
-    """The oldest samples go: the rows behind the gap stand at their own time."""
+    """The oldest samples go: the rows after the gap stand at their own time."""
     bench = Bench(chip).streaming()
     rows = [bench.rows(2), bench.rows(4, 4.0), bench.rows(2)]
     before, rows = len(rows[0]), np.concatenate(rows)
@@ -270,7 +270,7 @@ def test_stop_ends_a_stream_and_switches_off(chip, board):
 
 @FIFO
 def test_a_power_cut_loses_the_settings(chip):
-    """Behind it the sensor answers, and its stream says that it has lost its settings."""
+    """After it the sensor answers, and its stream says that it has lost its settings."""
     bench = Bench(chip, board=True).streaming()
     bench.rows(2)
     bench.supply.command(volts=0.0)

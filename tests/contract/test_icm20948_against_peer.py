@@ -86,7 +86,7 @@ def test_a_bypass_that_is_lost_ends_the_samples(kind, register, value, said):
 
 
 def test_a_magnetometer_of_another_type():
-    """The bypass is open, and who answers there is not an AK09916; behind it another chip is found first."""
+    """The bypass is open, and who answers there is not an AK09916; after it another chip is found first."""
     bench = Bench(ICM20948_MAGNETOMETER)
     bench.driver._dies[True].read = lambda _: 0x05
     with pytest.raises(WrongIdentity, match="WIA2 is 0x05, the AK09916 has 0x09"):

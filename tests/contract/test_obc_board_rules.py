@@ -105,7 +105,7 @@ def test_types_that_no_host_sends(kind):
 
 
 def test_resynchronisation_at_the_next_delimiter():
-    """Half a frame, noise and an endless piece cost no frame behind them; empty pieces are no error."""
+    """Half a frame, noise and an endless piece cost no frame after them; empty pieces are no error."""
     under = BoardUnderTest()
     whole = seal(IDENTIFY, 1, b"")
     assert len(under.frames(under.raw(whole[:3] + b"\0" + whole))) == 1
@@ -209,20 +209,20 @@ def test_a_clock_that_is_wrong(drift):
 
 
 def test_receive_stamps_are_of_the_delimiter():
-    """Of two requests in one piece the first was complete earlier, by the bytes behind it."""
+    """Of two requests in one piece the first was complete earlier, by the bytes after it."""
     under = BoardUnderTest(baud=921_600)
     under.clock.sleep(1)
     request = seal(TIME, 1, bytes(8) + b"\xa5" * 17)
     frames = under.frames(under.raw(request + seal(TIME, 2, bytes(8) + b"\xa5" * 17)))
     first, second = (int.from_bytes(frame.payload[9:17], "little") for frame in frames)
     assert second - first == pytest.approx(len(request) * 10.85, abs=1)
-    # The second reply leaves behind the first.
+    # The second reply leaves after the first.
     sent = [int.from_bytes(frame.payload[17:25], "little") for frame in frames]
     assert sent[1] - sent[0] == pytest.approx(len(request) * 10.85, abs=1)
 
 
 def test_replies_overtake_frames_that_wait_but_not_one_that_is_sent():
-    """A reply comes behind the frame on the line and before the next one; its send stamp says so."""
+    """A reply comes after the frame on the line and before the next one; its send stamp says so."""
     under = BoardUnderTest({"clock_offset": "1"}, baud=9600)
     under.sensor.fifo = bytes(800)
     under.ask(START, 1, by_line(REGISTER[:3] + u16(200)), 1)
@@ -307,7 +307,7 @@ def test_watermark_polls_without_numbers_for_nothing():
 
 
 def test_watchdog_stops_the_stream_and_can_be_kept_quiet():
-    """Every usable frame starts its time anew; in the end there is one event and silence."""
+    """Every usable frame starts its time again; in the end there is one event and silence."""
     under = BoardUnderTest()
     under.ask(START, 1, by_timer(50_000, REGISTER), 0.01)
     under.ask(WATCHDOG, 2, u32(200), 0.01)

@@ -240,7 +240,7 @@ def test_transfers_while_a_stream_runs():
 
 
 def test_a_reset_during_a_stream():
-    """It is told as the board's fault, once; the next transfer meets the board anew, at the bus's own speed."""
+    """It is told as the board's fault, once; the next transfer meets the board again, at the bus's own speed."""
     with facing(faults=[{"kind": "reset", "from": "3 s"}]) as bench:
         stream = bench.bus.start_stream([TEMPERATURE], period_s=0.1)
         with pytest.raises(DeviceFault) as caught:

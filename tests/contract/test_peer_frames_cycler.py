@@ -271,7 +271,7 @@ def test_a_heartbeat_keeps_it_running():
 
 
 def test_level_one_takes_one_byte_and_no_other():
-    """The bootloader swallows bytes; the first behind the banner starts; nothing later stops it or starts it again."""
+    """The bootloader swallows bytes; the first after the banner starts; nothing later stops it or starts it again."""
     under = CyclerUnderTest({"level": "1", "cycles": "1"})
     under.peer.opened()
     under.peer.receive(b"x")

@@ -250,7 +250,7 @@ def test_packets_of_both_sensors():
 
 
 def test_a_burst_goes_from_the_counter_on_and_stays_in_the_fifo():
-    """INT_STATUS, FIFO_COUNT and packets in one read; behind the last packet there is FFh."""
+    """INT_STATUS, FIFO_COUNT and packets in one read; after the last packet there is FFh."""
     bench = Bench()
     bench.start()
     bench.stream()

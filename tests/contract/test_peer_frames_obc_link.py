@@ -148,7 +148,7 @@ def of_version(version: int, kind: int, sequence: int) -> bytes:
 
 
 def test_boot():
-    """Frame 28: a reset tells itself within 100 ms, behind a delimiter."""
+    """Frame 28: a reset tells itself within 100 ms, after a delimiter."""
     under = BoardUnderTest(faults=[{"kind": "reset", "from": "2 s"}])
     under.clock.sleep(2.1)
     assert under.fetch() == b"\0" + golden(28)

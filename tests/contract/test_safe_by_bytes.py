@@ -1,4 +1,4 @@
-"""What drivers say about bytes that make an output safe, against the peers: sent raw, from amid anything."""
+"""What drivers say about bytes that make an output safe, against the peers: sent raw, whatever came before."""
 
 from __future__ import annotations
 

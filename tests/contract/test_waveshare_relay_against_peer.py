@@ -152,7 +152,7 @@ def test_a_contact_that_is_held_opens_by_itself():
 
 
 def test_heartbeats_keep_it_closed():
-    """Each begins the board's time anew; the contact does not open for a moment in between."""
+    """Each starts the board's time again; the contact does not open for a moment in between."""
     with board() as (driver, clock):
         relays = driver.role(HELD)
         relays.close("heater")

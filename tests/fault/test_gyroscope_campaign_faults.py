@@ -13,7 +13,7 @@ HEALTHY = {"010": "RECORDED", "011": "PASS", "012": "PASS", "013": "PASS", "014"
 """Five minutes tell no longest averaging time; all else is there."""
 
 UNSAFE = 7
-"""What is watched behind the end does not show that everything is safe: a plate that warms, or cannot be read."""
+"""What is watched after the end does not show that everything is safe: a plate that warms, or cannot be read."""
 
 IN_SOAK, IN_RECORD = "from: 200 s", "from: 500 s"
 """In the case of the noise: armed at 3 s, settled at about 400 s, recorded up to about 700 s."""
@@ -57,7 +57,7 @@ def test_without_a_fault_the_noise_is_told(tmp_path):
     ),
 )
 def test_a_cooler_or_its_sensor_that_fails_is_an_error(tmp_path, fault, code, said):
-    """Whether it happens in the soak or while hours are recorded; then it is found at the latest behind the record."""
+    """Whether it happens in the soak or while hours are recorded; then it is found at the latest after the record."""
     ran = ended(tmp_path, NOISE, faulty("tec1", fault))
     assert all_are(ran, "ERROR")
     assert ran.code == code

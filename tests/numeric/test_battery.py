@@ -171,7 +171,7 @@ def test_ripple_makes_no_steps():
 
 
 def test_one_lost_reading_of_zero_makes_no_rest():
-    """A single zero amid a charge is a glitch; two are a rest."""
+    """A single zero within a charge is a glitch; two are a rest."""
     time, voltage, current = cell.cycle(5.0)
     current[100] = 0.0
     assert len(segment(series(time, voltage, current))) == 4
@@ -180,7 +180,7 @@ def test_one_lost_reading_of_zero_makes_no_rest():
 
 
 def test_gaps_are_bridged_within_a_step_and_not_across():
-    """A gap amid a charge is bridged and told; one from charge to discharge makes the cycle incomplete."""
+    """A gap within a charge is bridged and told; one from charge to discharge makes the cycle incomplete."""
     time, voltage, current = cell.cycle(5.0)
     amid = (time > 1000.0) & (time < 2000.0)
     (only,) = cycles(series(*(each[~amid] for each in (time, voltage, current))), LIMITS)

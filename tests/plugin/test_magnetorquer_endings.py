@@ -49,7 +49,7 @@ def test_a_healthy_bench_passes(tmp_path):
     ),
 )
 def test_silence_and_nonsense_of_the_bench_are_errors(tmp_path, device, fault, code, said):
-    """The case is ERROR, those behind it are NOT_RUN, and the exit code tells whether the bench could be made safe."""
+    """The case is ERROR, those after it are NOT_RUN, and the exit code tells whether the bench could be made safe."""
     ran, verdicts, differences = ended(tmp_path, with_faults(device, fault))
     assert verdicts == {POLARITY: "ERROR", LINEARITY: "NOT_RUN", COMPASS: "NOT_RUN"}
     assert (ran.code, results_as_json(ran.package)["verdict"]) == (code, "ERROR")

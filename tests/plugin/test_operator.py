@@ -39,7 +39,7 @@ def test_answers_of_a_file_are_evidence(tmp_path):
 
 
 def test_a_hand_instrument_is_evidence_as_one_of_the_bench_is(tmp_path):
-    """Frozen with its certificate, behind the check, on the report's page; verified, and the same when replayed."""
+    """Frozen with its certificate, beside the check, on the report's page; verified, and the same when replayed."""
     asking = ASKING.replace("uncertainty=0.01", 'instrument="PSU-01"')
     workspace = make(tmp_path / "workspace", asking)
     ran = workspace.run(answers=answers(workspace, '{jig-closed: "Yes", voltmeter: "4.98"}'), person=True)

@@ -19,7 +19,7 @@ GOOD = """
 def test_one(check):
     check("T-010", "ratio", 1.0)
 """
-FIRST = len(HEAD.splitlines()) + 3  # the line of a first case behind the imports
+FIRST = len(HEAD.splitlines()) + 3  # the line of a first case after the imports
 
 
 def refused(tmp_path, *cases, kind=ConfigurationError, prepare=None, **changes):
@@ -502,7 +502,7 @@ def test_a_misspelt_parameter_in_a_helper_is_told(tmp_path):
 
 
 def test_names_that_mean_something_else_are_left_alone(tmp_path):
-    """A name that code binds anew, or that a function is handed something else as, is not the fixture."""
+    """A name that code binds again, or that a function is handed something else as, is not the fixture."""
     cases = """
     class Own:
         anything = 1.0

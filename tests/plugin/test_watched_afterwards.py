@@ -1,4 +1,4 @@
-"""The watch behind a run: what reads as if it were off, and is not, makes the end unsafe and is named."""
+"""The watch after a run: what reads as if it were off, and is not, makes the end unsafe and is named."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The reference page of `hil.analysis`, made from the code: `python tests/support/analysis_page.py` writes it anew."""
+"""The reference page of `hil.analysis`, made from the code: `python tests/support/analysis_page.py` writes it again."""
 
 from __future__ import annotations
 

@@ -43,6 +43,6 @@ def found(root, changes, bench="battery"):
 
 
 def place(text, snippet, bench):
-    """Return file, line and column of a snippet; that of a list's item begins behind its dash."""
+    """Return file, line and column of a snippet; that of a list's item begins after its dash."""
     before = text[: text.index(snippet) + 2 * snippet.startswith("- ")]
     return f"{FILE.format(bench)}:{before.count(chr(10)) + 1}:{len(before) - (before.rfind(chr(10)) + 1) + 1}: "

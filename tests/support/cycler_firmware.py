@@ -194,7 +194,7 @@ class FirmwarePeer:
         Raises:
             Refused: always.
         """
-        raise Refused("the state of the real firmware was not kept", hint="begin the run anew")
+        raise Refused("the state of the real firmware was not kept", hint="start a new run")
 
     def close(self):
         """End the simulator."""

@@ -101,7 +101,7 @@ class Cycling:
         return bodies(read_journal(self.folder / JOURNAL))
 
     def wait_for(self, turn: int, phase: str, limit_s: float = 300.0) -> None:
-        """Wait until the tester is amid such a phase of a turn, by what the run has recorded."""
+        """Wait until the tester is in such a phase of a turn, by what the run has recorded."""
         steps = {"charge": "Charge", "discharge": "Discharge"}
 
         def there() -> bool:

@@ -1,4 +1,4 @@
-"""Weeks on a served bench in minutes: the plates of the assembly go warm and cold, and endings come amid it.
+"""Weeks on a served bench in minutes: the plates of the assembly go warm and cold, and endings come in between.
 
 How fast a bench can be served is up to what counts wall time, or has to answer within bench time: the driver of the
 tester waits for its replies by the bench's clock, so that a bench with it cannot be served much faster than 120 times.
@@ -172,7 +172,7 @@ class Weeks:
         return self.workspace.folders()[-1]
 
     def rows(self) -> dict[str, bytes]:
-        """Return what the row file of each recording holds on the disk, behind its header; half a row is none."""
+        """Return what the row file of each recording holds on the disk, after its header; half a row is none."""
         found = {}
         for path in sorted((self.folder / "data/recordings").glob("*.rows")):
             written = path.read_bytes().partition(b"\n")[2]

@@ -39,7 +39,7 @@ def golden(number: int) -> bytes:
 
 @dataclass
 class Sensor:
-    """A device with registers, a FIFO behind 2E and 30, and an interrupt pin that tests pull."""
+    """A device with registers, a FIFO at 2E and 30, and an interrupt pin that tests pull."""
 
     address: int = 0x68
     registers: dict[int, bytes] = field(default_factory=lambda: {0x75: b"\x6f"})

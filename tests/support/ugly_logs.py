@@ -666,7 +666,7 @@ def minus_999():
 # How it is written
 
 
-@kind("bytes of zero behind the last row")
+@kind("bytes of zero after the last row")
 def zeros_behind():
     return even().encode() + bytes(4096)
 
@@ -1257,7 +1257,7 @@ def battery_torn():
     return battery_even() + "17400,3.2"
 
 
-@kind("a cell's log with bytes of zero behind it", BATTERY, AH, capacity)
+@kind("a cell's log with bytes of zero after it", BATTERY, AH, capacity)
 def battery_zeros():
     return battery_even().encode() + bytes(300)
 

@@ -271,7 +271,7 @@ def make(
 
     Args:
         root: its folder, which must not exist yet.
-        cases: parts of the test module behind its imports, see `HEAD`; each may be indented.
+        cases: parts of the test module after its imports, see `HEAD`; each may be indented.
         requirements: the entries of `requirements.yaml`.
         parameters: the whole `parameters.yaml`.
         fixtures: more fixture modules by file name.

@@ -198,7 +198,7 @@ def test_a_cooler_that_does_nothing(scene, tmp_path, moment):
 
 @pytest.mark.parametrize("hours", sweeps.sample([0.0, 2.5], 1))
 def test_a_thermistor_that_hangs_in_the_box_between_the_plates(scene, tmp_path, hours):
-    """It never comes to the plates' temperature, or leaves it amid a charge: neither passes."""
+    """It never comes to the plates' temperature, or leaves it during a charge: neither passes."""
     scene.acts[:] = [(hours, plant(ntc="detached"))]
     ran = battery_workspace(tmp_path / "w", DEGRADATION).run(overrides={"cycles": "1"})
     assert ran.verdicts() == {"test_degradation": "ERROR"}

@@ -1,4 +1,4 @@
-"""Battery plans that were stopped to be resumed: begun anew with an emptied cell, and every cycle counted once."""
+"""Battery plans that were stopped to be resumed: begun again with an emptied cell, and every cycle counted once."""
 
 from __future__ import annotations
 
@@ -62,9 +62,9 @@ def agrees(package):
 
 STOPS = {
     "in a charge": ((9.0,), [("1", "no"), ("2", "yes")]),
-    "in the rest behind a charge": ((12.2,), [("1", "no"), ("2", "yes")]),
+    "in the rest after a charge": ((12.2,), [("1", "no"), ("2", "yes")]),
     "in a discharge": ((14.0,), [("1", "no"), ("2", "yes")]),
-    "in the rest behind a discharge": ((7.8,), [("1", "no"), ("2", "no")]),
+    "in the rest after a discharge": ((7.8,), [("1", "no"), ("2", "no")]),
     "in the first charge": ((2.0,), [("1", "yes")]),
     "twice in one turn": ((9.0, 20.0), [("1", "no"), ("2", "yes")]),
     "in two turns": ((2.0, 20.0), [("1", "yes"), ("2", "yes")]),
@@ -95,7 +95,7 @@ def test_a_charge_plan_goes_on_with_the_cycles_that_are_left(scene, tmp_path, st
 
 
 def test_the_rest_in_which_a_run_was_stopped_tells_no_voltage(scene, tmp_path):
-    """The voltage behind the discharge before it is a doubt, those of other cycles are not."""
+    """The voltage after the discharge before it is a doubt, those of other cycles are not."""
     package, _ = stopped_at(scene, tmp_path, CHARGE, THREE, 7.8)
     found = {
         event["of"]: event["verdict"]
@@ -107,7 +107,7 @@ def test_the_rest_in_which_a_run_was_stopped_tells_no_voltage(scene, tmp_path):
 
 @pytest.mark.parametrize("hours", sweeps.sample([(10.0,), (14.0, 30.0)], 1))
 def test_a_degradation_goes_on_with_the_cycles_that_are_left(scene, tmp_path, hours):
-    """Soaked and emptied anew, with all cycles in the table; the fade is that of an undisturbed run."""
+    """Soaked and emptied again, with all cycles in the table; the fade is that of an undisturbed run."""
     package, case = stopped_at(scene, tmp_path, DEGRADATION, {"cycles": "5"}, *hours)
     for row in table(package, "test_degradation", "cycles"):
         assert [float(row[place]) for place in (6, 7)] == pytest.approx([1.985, 1.985], abs=0.015)

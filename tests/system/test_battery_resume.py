@@ -18,7 +18,7 @@ from hil.evidence.package.verification import verify
 pytestmark = pytest.mark.system
 
 KILLS = sweeps.chosen(4, 20)
-LAST = 0.9  # of what the run writes; behind it lie the analysis and the seal
+LAST = 0.9  # of what the run writes; after it come the analysis and the seal
 
 
 def size_of(folder):

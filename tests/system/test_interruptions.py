@@ -73,7 +73,7 @@ def until(process, text: str) -> None:
 
 
 def started(tmp_path, cases=LONG, text="1 Part", **options):
-    """Start a run in a workspace of its own, and return both once it is amid its case."""
+    """Start a run in a workspace of its own, and return both once it is in its case."""
     workspace = make(tmp_path / "workspace", cases)
     process = workspace.start_run(**options)
     until(process, text)

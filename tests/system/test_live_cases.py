@@ -25,7 +25,7 @@ total = 0.0
 until = time.monotonic() + 1.5
 while time.monotonic() < until:
     total += sum(range(1000))
-with step("Wait behind it"):
+with step("Wait after it"):
     clock.sleep(120.0)
     clock.sleep(90.0)"""
 """The controller of the coolers looks at its setpoint once a minute."""

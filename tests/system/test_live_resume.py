@@ -58,7 +58,7 @@ def test_no_row_is_lost(runs):
     rows = np.column_stack([found.time, *found.arrays.values()])
     assert len(kept[0]) < len(kept[1]) < rows.nbytes
     for before in kept:
-        written = before.partition(b"\n")[2]  # behind the header
+        written = before.partition(b"\n")[2]  # after the header
         whole = len(written) - len(written) % (ROW_BYTES * rows.shape[1])
         assert whole > 0
         assert rows.tobytes()[:whole] == written[:whole]
@@ -66,7 +66,7 @@ def test_no_row_is_lost(runs):
 
 
 def test_the_interrupted_cycles_are_void_for_the_fade(runs):
-    """Each is made again behind one that empties the cell, and no number comes from what was broken off."""
+    """Each is made again after one that empties the cell, and no number comes from what was broken off."""
     undisturbed, package, _ = runs
     starts = [(row["cycle"], row["emptied_before"]) for row in table(package, "starts")]
     assert starts == [("1", "no"), ("2", "yes"), ("3", "yes")]

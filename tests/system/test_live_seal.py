@@ -1,4 +1,4 @@
-"""A run on a served bench that is killed behind its last case: it is sealed without anything being driven again."""
+"""A run on a served bench that is killed after its last case: it is sealed without anything being driven again."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def require_sealed_without_arming(run, ended):
 
 
 def killed_in_the_watch(run):
-    """Kill it amid the watch behind its end, and return the rows that were read by then."""
+    """Kill it during the watch after its end, and return the rows that were read by then."""
     rows = run.folder / "data/recordings/after-cycler-current.rows"
     seconds_until(rows.exists, 60.0, "the watch")
     size = rows.stat().st_size
@@ -85,7 +85,7 @@ def rows_of(package):
 
 @pytest.mark.soak
 def test_killed_in_the_watch_behind_its_end(tmp_path, bench):
-    """What was read until then is in the package, in its place; the watch is made anew behind it."""
+    """What was read until then is in the package, in its place; the watch is made again after it."""
     with running(bench, without_git(live_workspace(tmp_path / "w", FOR_A_WHILE, WATCH))) as run:
         kept = killed_in_the_watch(run)
         package = require_sealed_without_arming(run, resumed(run))

@@ -29,7 +29,7 @@ def until(process, *texts: str) -> str:
 
 @pytest.fixture
 def running(tmp_path):
-    """Return a workspace and its run, amid its third turn."""
+    """Return a workspace and its run, in its third turn."""
     workspace = make(tmp_path / "workspace", LONG)
     process = workspace.start_run()
     until(process, "part 3 of 100000")

@@ -1,4 +1,4 @@
-"""Runs on a served bench and the people they need: on call where nobody attends, and behind a guardian that acted."""
+"""Runs on a served bench and the people they need: on call where nobody attends, and after a guardian that acted."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ IN_TURNS = {
     for _ in iterations("Turn", 2):
         clock.sleep(20.0)""",
 }
-"""What lets it go on, once it is resumed, behind its question."""
+"""What lets it go on, once it is resumed, after its question."""
 
 
 @pytest.fixture

@@ -101,7 +101,7 @@ def test_a_run_that_is_killed_again_and_again_comes_to_the_same(workspace):
 
 @pytest.fixture
 def interrupted(workspace):
-    """The folder of a run that was killed amid its case."""
+    """The folder of a run that was killed in its case."""
     folder = begun(workspace)
     assert killed(STARTED[-1], 1.2)
     return folder
@@ -207,7 +207,7 @@ def stopped(workspace, process, until: str) -> None:
 
 @pytest.mark.timeout(600)
 def test_a_run_that_was_stopped_goes_on_at_its_last_turn(tmp_path):
-    """It is entered again, twice: the bench armed and driven anew, the turns made again void before, nothing lost."""
+    """It is entered again, twice: the bench armed and driven again, the turns made again void before, nothing lost."""
     workspace = made(tmp_path / "workspace", TURNS)
     stopped(workspace, workspace.start_run("--verbose"), f"part 20 of {COUNT}")
     (folder,) = workspace.folders()
@@ -250,7 +250,7 @@ def test_rest(field, record, artifact):
 
 @pytest.mark.timeout(600)
 def test_a_recording_that_continues_is_not_made_again(tmp_path):
-    """What was recorded before the stop stands, the rest comes behind a gap, and the requirement tells of the gap."""
+    """What was recorded before the stop stands, the rest comes after a gap, and the requirement tells of the gap."""
     workspace = made(tmp_path / "workspace", RESTING)
     folder = None
     process = workspace.start_run()

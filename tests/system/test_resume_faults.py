@@ -149,7 +149,7 @@ hold:
 
 @pytest.mark.timeout(480)
 def test_a_run_that_was_killed_while_it_was_held_is_held_again(tmp_path):
-    """It is released as any other, killed again behind that, resumed again, and replayed."""
+    """It is released as any other, killed again after that, resumed again, and replayed."""
     workspace = without_git(make(tmp_path / "workspace", TURNS))
     workspace.change_bench({"\nrest:\n": f"{HOLD}\nrest:\n"})
     folder = begun(workspace, 5)

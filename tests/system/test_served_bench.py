@@ -225,7 +225,7 @@ def test_a_killed_server_leaves_nothing_that_prevents_the_next(serve):
 
 
 def test_it_says_what_it_serves_and_what_not(serve):
-    """One line per instrument, a warning before and `ready` behind."""
+    """One line per instrument, a warning before and `ready` after."""
     bench = serve()
     assert bench.said[0].startswith("SIMULATED: bench adcs")
     assert "none of this is hardware" in bench.said[0]

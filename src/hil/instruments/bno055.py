@@ -160,7 +160,7 @@ class _Bno055(Axes):
         self._registers.expect({Register.OPR_MODE: mode})
 
     def _read_outputs(self) -> tuple[int, tuple[int, ...]]:
-        """Read axes, temperature, and what must be behind them, in one transfer."""
+        """Read axes, temperature, and what must follow them, in one transfer."""
         first = self.axes_at
         data = self._registers.long(first, Register.OPR_MODE + 1 - first)
         status, error, units, _, mode = data[Register.SYS_STATUS - first :]

@@ -65,7 +65,7 @@ class Figure:
 
     @property
     def replaced(self) -> tuple[str, ...]:
-        """What of its numbers is not what it was issued with, a sentence each: somebody went behind its back."""
+        """What of its numbers is not what it was issued with, a sentence each: somebody changed them directly."""
         if self.provenance is None or self.provenance.issued is None:
             return ()
         return tuple(_changed(self.provenance.issued, self._numbers))

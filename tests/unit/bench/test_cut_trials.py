@@ -192,7 +192,7 @@ def test_a_welded_relay_is_no_cut_path():
 
 
 def test_nothing_more_is_tried_behind_a_path_that_does_not_cut():
-    """The arming ends there: no gate of the envelope comes behind it."""
+    """The arming ends there: no gate of the envelope comes after it."""
     own = {"voltage": "battery.voltage", "current": "battery.current", "temperature": "battery.temperature"}
     contacts = {"charge": "battery.charge_contact", "discharge": "battery.discharge_contact"}
     with bound(with_peer(battery(), "cycler1", connects=own | contacts)) as bench:

@@ -59,7 +59,7 @@ def trips(limit, *values):
 
 
 def test_trip_after_the_debounce_only():
-    """The second reading in a row outside trips; a good one between begins the count anew."""
+    """The second reading in a row outside trips; a good one between starts the count again."""
     assert trips(LIMIT, 0.04, 0.04) == [False, True]
     assert trips(LIMIT, 0.04, 0.02, 0.04, 0.04) == [False, False, False, True]
     assert trips(replace(LIMIT, debounce=1), 0.04) == [True]

@@ -77,7 +77,7 @@ def test_every_token_is_udevs():
 
 
 def test_jumps_go_forward_to_labels_that_are_there():
-    """Udev skips to a label behind the jump; one that is not there would be ignored with its rule."""
+    """Udev skips to a label after the jump; one that is not there would be ignored with its rule."""
     for bench, its in OF.items():
         labels = {rule[0][3]: place for place, rule in enumerate(its) if rule[0][0] == "LABEL"}
         jumps = [(token[3], place) for place, rule in enumerate(its) for token in rule if token[0] == "GOTO"]
@@ -116,7 +116,7 @@ def test_no_device_is_probed_or_put_to_sleep():
     ]
     assert {(rule["ENV", "ID_MM_DEVICE_IGNORE"], rule["ATTR", "power/control"]) for rule in devices} == {("1", "on")}
     places = {rule["ENV", "ID_PATH"] for rule in devices if ("ENV", "ID_PATH") in rule}
-    # The name of a port begins with the name of its device; behind it come configuration and interface.
+    # The name of a port begins with the name of its device; after it come configuration and interface.
     assert {usb.path.rpartition(":")[0] for usb in DEVICES.values() if usb.path} == places
 
 

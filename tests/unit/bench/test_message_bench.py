@@ -58,7 +58,7 @@ def test_it_is_transcribed_and_replayed(tmp_path):
 
 
 def test_a_line_of_a_server_is_guarded_as_it_is_set(tmp_path):
-    """The guardian gets all that it needs to open it anew."""
+    """The guardian gets all that it needs to reopen it."""
     with SerialServer() as server:
         line = SerialLine(parity="even")
         spec = bench_of(server.url, baud=19200, serial_line=line)

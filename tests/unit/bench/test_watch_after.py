@@ -1,4 +1,4 @@
-"""The watch behind the last safe-off: what holds, what does not, and what is told."""
+"""The watch after the last safe-off: what holds, what does not, and what is told."""
 
 from __future__ import annotations
 

@@ -151,7 +151,7 @@ def test_an_empty_file_is_told_to_be_empty(tmp_path, text, columns):
 
 
 def test_rows_of_a_cycler_without_its_banner_name_the_format(tmp_path):
-    """A log that begins behind the banner, with points or commas; both ways are named."""
+    """A log that begins after the banner, with points or commas; both ways are named."""
     path = tmp_path / "n.log"
     for mark in ".,":
         path.write_text("\n".join(cycler_rows(1)).replace(".", mark), encoding="utf-8")
@@ -255,7 +255,7 @@ def test_rows_that_a_closed_terminal_missed_are_doubted(tmp_path):
 
 
 def test_two_tests_with_the_same_numbers_share_none(tmp_path):
-    """The cycles of the second test go on behind those of the first, and the pause is doubted."""
+    """The cycles of the second test go on after those of the first, and the pause is doubted."""
     found = analyse(tmp_path, [*cycler_rows(3), "TEST END", HEADER, "START ARDUINO", *cycler_rows(3, fade=0.02)])
     assert [each["number"] for each in found["cycles"]] == [1, 2, 3, 4, 5, 6]
     assert all(each["complete"] for each in found["cycles"])

@@ -1,4 +1,4 @@
-"""What is said behind a run that was interrupted: no way is offered that does not lead anywhere."""
+"""What is said after a run that was interrupted: no way is offered that does not lead anywhere."""
 
 from __future__ import annotations
 

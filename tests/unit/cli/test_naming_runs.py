@@ -40,7 +40,7 @@ def inside(reports, tmp_path, monkeypatch):
     for path in (tmp_path / "w").rglob("*"):
         path.chmod(0o755)
     monkeypatch.chdir(tmp_path / "w")
-    monkeypatch.setattr("hil.cli.commands.replay.pin", lambda: None)  # it would start this process anew
+    monkeypatch.setattr("hil.cli.commands.replay.pin", lambda: None)  # it would restart this process
     monkeypatch.setattr("hil.evidence.runs._began", lambda folder: folder.name[:16])
     return tmp_path / "w/reports"
 
@@ -164,7 +164,7 @@ def test_a_choice_that_no_run_meets_says_what_there_is(capsys):
 
 @pytest.mark.usefixtures("inside")
 def test_sealing_twice_changes_nothing_and_says_so(capsys):
-    """A sealed package gives its digest and path again, behind a word that it was sealed already."""
+    """A sealed package gives its digest and path again, after a word that it was sealed already."""
     code, out, _ = said(capsys, "seal", FIRST)
     lines = out.splitlines()
     assert (code, lines[0], lines[-1]) == (

@@ -36,7 +36,7 @@ class Heard:
 
 @pytest.mark.parametrize(("options", "seconds"), [((), 600.0), (("--acknowledge-within", "0.5"), 30.0)])
 def test_the_person_on_call_has_the_time_that_is_given(tmp_path, monkeypatch, options, seconds):
-    """An unattended run reaches that person anew when it is resumed."""
+    """An unattended run reaches that person again when it is resumed."""
     requests = []
 
     def resume(folder, request, *_, **__):

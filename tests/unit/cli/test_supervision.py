@@ -60,7 +60,7 @@ except KeyboardInterrupt:
 
 
 def test_a_request_to_end_amid_a_callback_is_not_lost():
-    """What the interpreter swallows there is raised again behind it, without a word; a second one changes nothing."""
+    """What the interpreter swallows there is raised again after it, without a word; a second one changes nothing."""
     done = subprocess.run([sys.executable, "-c", LOST], capture_output=True, text=True, timeout=60, check=True)
     assert (done.stdout, done.stderr) == ("ended\n", "")
 

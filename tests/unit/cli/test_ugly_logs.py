@@ -20,7 +20,7 @@ def test_no_kind_does_and_the_page_is_made_from_them():
     everything = all_said()
     for name, found in everything.items():
         judge(name, found)
-    assert PAGE.read_text(encoding="utf-8") == page(everything), "write it anew: python tests/support/ugly_logs.py"
+    assert PAGE.read_text(encoding="utf-8") == page(everything), "write it again: python tests/support/ugly_logs.py"
 
 
 def judge(name, found):

@@ -11,7 +11,7 @@ def test_the_page_is_made_from_the_code():
     """The page has every public function with its present docstring."""
     made = analysis_page.page()
     written = analysis_page.PAGE.read_text(encoding="utf-8")
-    assert written == made, "write it anew: python tests/support/analysis_page.py"
+    assert written == made, "write it again: python tests/support/analysis_page.py"
 
 
 def test_signatures_and_parts_are_written_out():

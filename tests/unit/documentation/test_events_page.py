@@ -12,7 +12,7 @@ from hil.evidence.events.codec import KINDS
 def test_kinds_and_fields_are_made_from_the_types():
     """A kind or field that is added, renamed or described otherwise is so on the page."""
     page = events_page.PAGE.read_text(encoding="utf-8")
-    assert events_page.with_reference(page) == page, "write it anew: python tests/support/events_page.py"
+    assert events_page.with_reference(page) == page, "write it again: python tests/support/events_page.py"
 
 
 @pytest.fixture(scope="module")

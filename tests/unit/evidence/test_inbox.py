@@ -52,7 +52,7 @@ def test_an_attachment_is_copied_hashed_and_kept(folder, tmp_path):
 
 
 def test_a_safe_file_name_stays_as_it_is(folder, tmp_path):
-    """Hyphens and points of an attachment's name are kept, behind the name of its message."""
+    """Hyphens and points of an attachment's name are kept, after the name of its message."""
     (tmp_path / "nc-photo.v2.txt").write_bytes(b"picture")
     name = post(folder, "attachment", attach=tmp_path / "nc-photo.v2.txt")
     assert [message.file for message in poll(folder)] == [f"{name}-nc-photo.v2.txt"]

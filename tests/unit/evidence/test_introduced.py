@@ -100,7 +100,7 @@ def test_after_the_last_word_nothing_is_taken_in(folder, monkeypatch, kind):
 
 @pytest.mark.parametrize("path", STRANGERS)
 def test_a_stranger_in_a_package_is_found(folder, tmp_path, path):
-    """Somebody adds a file, names it in the journal's end, and bags anew: no event introduced it."""
+    """Somebody adds a file, names it in the journal's end, and bags it again: no event introduced it."""
     sealed_run(folder, live=None, source="simulated")
     copy = shutil.copytree(folder, tmp_path / "copy", copy_function=shutil.copyfile)
     for each in (copy, *copy.rglob("*")):

@@ -194,7 +194,7 @@ def test_a_line_is_read_alike_quickly_and_strictly(tmp_path, monkeypatch, change
 
 
 def test_an_endless_line_is_not_held_in_memory(tmp_path, monkeypatch):
-    """Its place is a finding, the chain goes on behind it, and the lines around it are read."""
+    """Its place is a finding, the chain goes on after it, and the lines around it are read."""
     path = tmp_path / "journal.jsonl"
     with journal_of(tmp_path) as journal:
         journal.write(event_of("note", text="before"), 0.0)

@@ -247,7 +247,7 @@ def test_rows_that_do_not_come_again_are_taken_over(tmp_path, made, held):
 
 
 def test_rows_named_that_came_again_already_pass_nothing_over(tmp_path):
-    """A run that is entered where it was entered before holds rows behind those that were void then."""
+    """A run that is entered where it was entered before holds rows after those that were void then."""
     whole = filled(tmp_path / "r.rows", 8)
     rows = rows_of(tmp_path / "r.rows", again=True)
     for index in range(4):

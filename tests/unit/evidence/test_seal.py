@@ -86,7 +86,7 @@ def test_a_sealed_run_verifies(folder):
 
 
 def test_a_recording_that_a_resumed_run_began_again_is_sealed(folder):
-    """What is read behind the end of a run that was killed there is begun a second time, and is one recording."""
+    """What is read after the end of a run that was killed there is begun a second time, and is one recording."""
     with hold(folder):
         journal = begin(folder)
         for _ in range(2):
@@ -285,7 +285,7 @@ def test_other_rows_in_a_fresh_bag_are_found(writable):
 
 
 def test_other_rows_that_the_journal_names_are_found(writable):
-    """Who also writes the journal's end anew has the hashes of the rows against him."""
+    """Who also rewrites the journal's end has the hashes of the rows against him."""
     change_a_row(writable)
     path = writable / "data/journal.jsonl"
     *lines, end = path.read_bytes().splitlines()

@@ -1,4 +1,4 @@
-"""Every damage is told, with file, line and field, also where somebody computed all the hashes anew."""
+"""Every damage is told, with file, line and field, also where somebody computed all hashes again."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def package(tmp_path):
 
 
 def rehash(folder, change):
-    """Change the bodies of a journal, and compute chain, hashes of files and manifests anew, as a forger would."""
+    """Change the bodies of a journal, and compute chain, hashes of files and manifests again, as a forger would."""
     lines, previous = [], "0" * 64
     for raw in (folder / JOURNAL).read_bytes().splitlines():
         line = parse_strict(raw)

@@ -1,4 +1,4 @@
-"""Facts that stand twice: a package in which only one of the two was written anew is damaged, whatever fits."""
+"""Facts that stand twice: a package in which only one of the two was rewritten is damaged, whatever fits."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def test_what_is_the_same_twice_is_sound(folder):
     ],
 )
 def test_a_journal_that_says_something_else_is_found(folder, changes, found):
-    """The first event is written anew, and everything after it: the frozen files contradict it."""
+    """The first event is rewritten, and everything after it: the frozen files contradict it."""
     sealed_run(folder, **changes)
     assert any(line.startswith(found) for line in told(folder)), told(folder)
 
@@ -158,7 +158,7 @@ def test_a_journal_that_says_something_else_is_found(folder, changes, found):
     ],
 )
 def test_a_frozen_file_that_says_something_else_is_found(folder, files, found):
-    """One of two frozen files is written anew, and every hash with it."""
+    """One of two frozen files is rewritten, and every hash with it."""
     sealed_run(folder, files=files)
     assert any(line.startswith(found) for line in told(folder)), told(folder)
 
@@ -173,7 +173,7 @@ def test_a_frozen_file_that_says_something_else_is_found(folder, files, found):
     ],
 )
 def test_a_catalogue_that_says_something_else_is_found(folder, old, new, found):
-    """The frozen catalogue is written anew with its hash in the first event; its plan's own file contradicts it."""
+    """The frozen catalogue is rewritten with its hash in the first event; its plan's own file contradicts it."""
     sealed_run(folder, files={CATALOGUE: catalogue(folder, old, new)})
     assert any(line.startswith(f"{CATALOGUE}: field '{found}' is") for line in told(folder)), told(folder)
 
@@ -188,7 +188,7 @@ def test_a_calibration_that_says_something_else_is_found(folder):
 
 
 def test_frozen_files_that_nothing_names_are_found(folder, monkeypatch):
-    """The second event is written anew and names nothing: no event introduced what lies there frozen."""
+    """The second event is rewritten and names nothing: no event introduced what lies there frozen."""
     begin(folder).close()
     monkeypatch.setattr("hil.evidence.package.sealing.set_aside", lambda *_: [])
     without(folder, lambda body: body | {"files": {}} if body["kind"] == "frozen" else body)
@@ -215,7 +215,7 @@ def test_a_bench_that_was_driven_without_being_armed_is_found(folder, kind, foun
 
 
 def without(folder, change):
-    """Write a run's journal anew, event by event as `change` gives them, and seal the run."""
+    """Rewrite a run's journal, event by event as `change` gives them, and seal the run."""
     lines = [parse_strict(line) for line in (folder / JOURNAL).read_bytes().splitlines()]
     (folder / JOURNAL).unlink()
     journal = Journal(folder / JOURNAL)

@@ -23,7 +23,7 @@ from hil.model.identity import Source
 
 @pytest.mark.parametrize("energise", [False, True])
 def test_a_served_port_that_is_gone_is_a_gate_that_does_not_hold(tmp_path, monkeypatch, energise):
-    """Nothing behind it is looked at, and nothing is driven."""
+    """Nothing after it is looked at, and nothing is driven."""
     workspace = make(tmp_path / "workspace")
     gone = Reach(source=Source.SIMULATED, ports={"psu1": str(tmp_path / "gone")}, served=tmp_path)
     monkeypatch.setattr("hil.executive.bench_visit.reach_of", lambda *_: gone)

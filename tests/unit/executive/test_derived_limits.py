@@ -71,7 +71,7 @@ def test_a_stream_feeds_what_it_has_all_sources_of():
 
 
 def test_readings_add_up_where_no_stream_feeds():
-    """From reading to reading by trapezoids; the other direction begins anew."""
+    """From reading to reading by trapezoids; the other direction starts again."""
     bench = Bench(CHARGED)
     assert [bench.take(at, 0.72)[0] for at in (0, 30, 60)] == pytest.approx([0.0, 6.0, 12.0])
     assert bench.take(90, 0.0)[0] == pytest.approx(15.0)
@@ -110,7 +110,7 @@ def test_rows_that_wait_are_counted_before_a_reading():
 
 
 def test_a_stream_that_ended_leaves_what_it_counted():
-    """Behind the last row the bench's time counts again, whatever the device's clock has shown."""
+    """After the last row the bench's time counts again, whatever the device's clock has shown."""
     bench, feeds = Bench(CHARGED), Feeds()
     feed = feeds.begin(monitors_of("cycler.cell", COLUMNS, 30.0, [bench.monitor]), 30.0, "r")
     feed.judge(rows(5, 55, 3.7, 0.72), 60 * NANOSECONDS)

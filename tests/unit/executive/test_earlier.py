@@ -30,7 +30,7 @@ VOID = (Voided(recording="x", first=1, end=2),)
 
 
 def folder_of(tmp_path, *parts):
-    """Return a run's folder with these events behind its head."""
+    """Return a run's folder with these events after its head."""
     (tmp_path / "data").mkdir()
     with Journal(tmp_path / "data/journal.jsonl") as journal:
         for second, (kind, fields) in enumerate([*HEAD_OF.items(), *(event for part in parts for event in part)]):
@@ -83,7 +83,7 @@ WATCHED = [("safe-end", {"ok": True}), ("recording", {"recording": "after-x", "c
     ids=["one to come", "one left out", "stopped before it", "none whole", "both ended"],
 )
 def test_a_run_is_over_once_every_case_has_its_outcome(tmp_path, monkeypatch, parts, over):
-    """What a stop kept from running is still to be run; what was begun behind the last case comes again as a whole."""
+    """What a stop kept from running is still to be run; what was begun after the last case comes again as a whole."""
     monkeypatch.setitem(HEAD_OF, "run", LIVE)
     monkeypatch.setitem(HEAD_OF, "planned", PLANNED)
     earlier = find_earlier(folder_of(tmp_path, *parts))
@@ -166,7 +166,7 @@ def test_who_answered_before_is_not_replaced_without_a_word(tmp_path, by, answer
 
 
 def test_a_run_that_was_killed_is_not_said_to_have_been_stopped(tmp_path, monkeypatch):
-    """The stop behind which it had gone on before is void: it was interrupted this time."""
+    """The stop after which it had gone on before is void: it was interrupted this time."""
     monkeypatch.setitem(HEAD_OF, "run", LIVE)
     folder = folder_of(tmp_path, CASE, STOP)
     for behind in (TURN[len(CASE) :], []):

@@ -39,7 +39,7 @@ def recorded():
 
 
 def test_an_effect_is_keyed_by_case_step_name_and_ordinal():
-    """Equal calls in one step are told apart by their ordinal, which begins anew in the next step."""
+    """Equal calls in one step are told apart by their ordinal, which starts again in the next step."""
     effects, steps, written = made()
     with steps("One"):
         effects.perform("supply.enable", "drives", {}, lambda: None)

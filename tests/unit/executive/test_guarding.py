@@ -43,7 +43,7 @@ class Watchful:
 
 
 def test_a_guardian_that_watches_hears_of_the_run_also_where_no_latch_can_be_written(tmp_path, monkeypatch):
-    """The bench is not armed then; but silence would let the guardian end the run amid its way to the safe state."""
+    """The bench is not armed then; but silence would let the guardian end the run on its way to the safe state."""
     guardian, clock = Watchful(), SimpleNamespace(pulse=lambda: None, boot_s_of=float)
     spec = SimpleNamespace(head=BenchHead(name="battery", title="Cells"), safe_off=(), rest=(), hold=(), wiring=())
     plan = SimpleNamespace(bench="battery", names=(), hang_s=1.0)

@@ -82,7 +82,7 @@ def test_good_checks_one_after_the_other_are_one_entry(tmp_path, monkeypatch):
 
 
 def test_a_journal_that_was_cut_is_not_resumed(tmp_path):
-    """Cut behind the first case, chain and all: what the ledger saw is missing, and is told with its day."""
+    """Cut after the first case, chain and all: what the ledger saw is missing, and is told with its day."""
     folder, _ = ran(tmp_path, *BEGUN, READ, {**PASSED, "verdict": "FAIL"})
     path = folder / JOURNAL
     whole = path.read_bytes().splitlines(keepends=True)

@@ -39,7 +39,7 @@ def test_a_recording_begins_when_it_is_asked_for(looked):
 
 
 def test_a_sample_that_a_reading_delayed_is_not_delayed_again(looked):
-    """A reading takes 50 ms of a slow line; the samples behind it catch up."""
+    """A reading takes 50 ms of a slow line; the samples after it catch up."""
     assert not looked(0.05)
 
 

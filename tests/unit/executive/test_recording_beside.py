@@ -50,7 +50,7 @@ def test_beginning_waits_and_end_are_effects(tmp_path):
 
 @pytest.mark.parametrize("count", [1, 3, 40])
 def test_until_looks_at_every_row_of_every_block(tmp_path, count):
-    """A number that was there for one row only is found, in any block, and so is the next one behind it."""
+    """A number that was there for one row only is found, in any block, and so is the next one after it."""
     case, role, facade = beside(tmp_path, period=5.0 / count)
     role.values = [0.0] * 50 + [1.0] + [0.0] * 2 + [-1.0, 1.0] + [0.0] * 300
     with case.run.record.during("test", facade, rate=0.2 * count) as test:
@@ -94,7 +94,7 @@ def test_the_end_of_the_devices_own_test_is_awaited(tmp_path):
 
 
 def test_what_cannot_be_awaited_is_refused(tmp_path):
-    """Two conditions, none, an unknown channel, a wait of no length, and looking before, behind, or twice."""
+    """Two conditions, none, an unknown channel, a wait of no length, and looking before, after, or twice."""
     case, _, facade = beside(tmp_path)
     test = case.run.record.during("test", facade, rate=0.2)
     with pytest.raises(Misused, match="is not running"):
@@ -202,7 +202,7 @@ def watched(folder, maximum, max_age=30.0, period=5.0, **options):
 
 
 def test_rows_are_judged_in_place_of_readings(tmp_path):
-    """While rows come in time nobody asks; before and behind the recording the quantity is read as ever."""
+    """While rows come in time nobody asks; before and after the recording the quantity is read as ever."""
     case, _, facade, asked = watched(tmp_path, 4.0)
     case.scheduler.sleep(6.0)
     with case.run.record.during("test", facade, rate=0.2):

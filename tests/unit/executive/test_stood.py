@@ -37,5 +37,5 @@ def test_it_stood_since_the_newest_event(tmp_path, monkeypatch):
 
 
 def test_a_suspend_right_before_that_counts(tmp_path, monkeypatch):
-    """An event that was written behind a wake, before bench time had come to it, does not hide the hours of sleep."""
+    """An event that was written after a wake, before bench time had come to it, does not hide the hours of sleep."""
     assert stood(tmp_path, monkeypatch, (100.0, 10.0), (7300.0, 10.0), 7310.0) == pytest.approx(4 * 7210.0)

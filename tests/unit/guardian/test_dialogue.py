@@ -92,7 +92,7 @@ def answering(far, reply):
 
 
 def test_a_reply_is_found_among_other_words(far, talk):
-    """What the instrument says by itself stands before and behind."""
+    """What the instrument says by itself stands before and after."""
     thread = answering(far, b"3.7;1.2\nOFF ok\n3.7;0.0\n")
     assert talk.make(Exchange(send=b"OFF\n", expect=rb"OFF ok\n", within_s=5.0), Patience()) == ""
     thread.join()
@@ -250,7 +250,7 @@ def test_flags_and_settings_that_the_executive_shares_stay(far, talk):
 
 
 def test_the_speed_of_a_line_counts_as_noise():
-    """Bytes that were written are on their way for a while: silence begins behind them."""
+    """Bytes that were written are on their way for a while: silence begins after them."""
     far = Far("terminal")
     line = Line(os.dup(far.near), 1200)
     line.say(b"0123456789ab", time.monotonic() + 5.0)

@@ -102,7 +102,7 @@ def test_a_cut_path_counts_only_for_a_port_that_is_gone(own, other, said):
 
 
 def test_a_line_is_brought_in_step_once_a_round(tmp_path, stack):
-    """Outputs of one port share its resynchronisation, in every round anew."""
+    """Outputs of one port share its resynchronisation, in every round."""
     psu = Instrument(2)
     outputs = facing(stack, plan_of(tmp_path, output_of("one", "psu"), output_of("two", "psu", 2)), psu=psu)
     outputs.round()
@@ -150,7 +150,7 @@ def test_a_port_that_is_gone_keeps_no_other_one_on(tmp_path, stack):
 
 
 def test_another_device_under_the_name_of_one_that_is_gone_gets_no_byte(tmp_path, stack):
-    """A port is opened anew only where the same device is behind it."""
+    """A port is reopened only where the same device is behind it."""
     pulled, other = Instrument(), Instrument()
     stack.callback(other.close)
     worker = PortWorker(GuardedPort(device="psu", url=other.url), os.dup(pulled.near))

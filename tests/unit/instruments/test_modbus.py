@@ -224,7 +224,7 @@ def test_what_came_before_a_read_is_a_fault_and_no_reply():
 
 
 def test_a_quiet_gap_shows_the_reply_that_a_stale_frame_has_displaced():
-    """A stale frame is read in place of the reply; the reply that comes behind it gives it away."""
+    """A stale frame is read in place of the reply; the reply that comes after it gives it away."""
     modbus, _ = session((READ_COILS, ((0.0, COILS_5), (0.008, framed("01 01 01 07")))))
     modbus.read_coils(0, 8)
     with pytest.raises(Garbled, match="01 01 01 07 .* arrived"):

@@ -114,7 +114,7 @@ def test_a_log_that_was_broken_off_says_so(tmp_path):
 
 
 def test_own_energy_of_the_cycler_is_net(tmp_path):
-    """The accumulated energy begins anew with each half; its steps count with the sign of the current."""
+    """The accumulated energy starts from zero with each half; its steps count with the sign of the current."""
     read = cycler.read(log(tmp_path, [*rows(100), *rows(50, amperes=-0.7)]))
     each = 3.7 * 0.7 * 5.0 / 3600.0
     assert read.own_energy == pytest.approx((99 - 50) * each, abs=2e-4)
@@ -184,7 +184,7 @@ def test_an_iteration_that_does_not_follow_on_begins_a_new_test(tmp_path, second
 
 
 def test_a_header_in_the_middle_begins_a_stretch_of_the_same_test(tmp_path):
-    """What came while the terminal was off is not known: the rows behind are of the cycle before the next mark."""
+    """What came while the terminal was off is not known: the rows after it are of the cycle before the next mark."""
     lines = ["TEST ITERATION 1", *rows(6), HEADER.splitlines()[0], *rows(4), "TEST ITERATION 3", *rows(3), "TEST END"]
     read = cycler.read(log(tmp_path, lines))
     assert set(read.test.tolist()) == {0}

@@ -79,7 +79,7 @@ def test_blocks_of_all_writings_make_one_table(tmp_path, text, expected):
     "bad", ["1.2.3", "12a", "", "-", ".", "1_000", "1e5e", "0x10", "1e-0.", "--1", "1 2", "+-3", "\u0661"]
 )
 def test_a_bad_cell_is_named_by_its_line_wherever_it_is(tmp_path, bad):
-    """Amid blocks that are read at once, the error still tells line and column."""
+    """Within blocks that are read at once, the error still tells line and column."""
     path = tmp_path / "log.csv"
     path.write_text("t,x\n" + "".join(f"{k},{bad if k == 500 else k / 8}\n" for k in range(700)), encoding="utf-8")
     with pytest.raises(Refused, match=r"log\.csv:502:"):

@@ -53,7 +53,7 @@ def names(supply, parameters, clock):
 
 
 def test_names_that_are_taken_from_arguments_are_found():
-    """Whole paths with their place; what is bound anew, or no argument, is left out."""
+    """Whole paths with their place; what is bound again, or no argument, is left out."""
     found = {one.path: (one.line - names.__code__.co_firstlineno, one.column) for one in written_names(names)}
     assert found == {
         ("supply", "coil", "configure"): (2, 5),

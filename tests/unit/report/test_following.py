@@ -214,7 +214,7 @@ def test_bench_time_that_passes_faster_is_told_by_the_clock(fed):
 
 
 def test_a_limit_shows_its_own_reading_where_that_is_newer(fed):
-    """Where no row has come, or comes any more, the envelope takes readings again; so it does behind the recording."""
+    """Where no row has come, or comes any more, the envelope takes readings again; so it does after the recording."""
     follower = Follower(fed)
     follower.read()
     assert [str(reading) for reading in follower.readings()] == ["0.1 A", "0.7 K/min"]

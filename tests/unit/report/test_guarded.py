@@ -43,7 +43,7 @@ def test_why_how_soon_and_what_was_proven(last, told):
 
 
 def test_it_stands_before_what_became_of_the_run():
-    """Each time it acted before the resumption behind it, and what is left at the end."""
+    """Each time it acted before the resumption after it, and what is left at the end."""
     acts = guarded([ACTING, {**ACTING, "why": "the executive hangs"}, {**ACTING, "why": "a wake"}])
     resumed = {"kind": "resumed", "t": 1.0, "text": "went on", "seconds": 1.0}
     said = {"kind": "acknowledged", "t": 1.0, "text": "all is off", "by": "Ada"}

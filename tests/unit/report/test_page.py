@@ -674,7 +674,7 @@ def test_readiness_gates_are_told_per_arming(tmp_path):
 
 
 def test_a_name_breaks_between_its_words(tmp_path):
-    """Beside a long reason its column keeps a width, and a long name is broken behind an underscore first."""
+    """Beside a long reason its column keeps a width, and a long name is broken after an underscore first."""
     events = list(one_case("FAIL", reason="a reason " * 40))
     page = page_of(tmp_path, events=events)
     assert re.search(r'<td class="any name"><a class="any" href="#case-1">test_<wbr>a</a>', page)

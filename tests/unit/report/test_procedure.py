@@ -110,7 +110,7 @@ def test_a_case_that_would_not_come_out_well_is_told():
 
 
 def test_what_is_done_outside_steps_has_a_heading():
-    """Fixtures that set up, and checks behind the last step, do not look like part of a step."""
+    """Fixtures that set up, and checks after the last step, do not look like part of a step."""
     check = {"kind": "check", "t": 5.0, "case": "a", "requirement": "A-1", "parameter": "u", "limit": {"max": "1"}}
     events = planned()
     lines = procedure_lines(events_of([*events[:-1], check, events[-1]]), {})

@@ -22,7 +22,7 @@ def told(*events):
 
 
 def test_one_arming_needs_no_title():
-    """Also of a simulated run that went on amid its arming, where it had been killed."""
+    """Also of a simulated run that went on in its arming, where it had been killed."""
     amid = {"kind": "resumed", "t": 1.0}
     assert told(gate(1.0, "a"), amid, gate(1.5, "b"), ARMED) == [("", ["a", "b"])]
     assert told(ARMED) == []
@@ -53,7 +53,7 @@ def test_a_cut_path_that_was_not_tried_did_not_hold():
         events_of(
             (
                 gate(1.0, "cut path of cycler: relay", "within 1 s; not tried: no software is part of it"),
-                gate(1.0, "cut path of supply: relay", "0.1 A before, 0 A behind it"),
+                gate(1.0, "cut path of supply: relay", "0.1 A before, 0 A after it"),
                 gate(1.0, "reduced level", "not tried: words of something else"),
             )
         )

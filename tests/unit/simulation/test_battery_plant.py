@@ -177,7 +177,7 @@ def test_what_is_seen_ahead_of_time_comes_so():
 
 
 def test_a_command_ends_what_was_foreseen():
-    """Behind a command things are as they are for a plant that was never asked about its future."""
+    """After a command things are as they are for a plant that was never asked about its future."""
     asked, other = battery(charge="0.4"), battery(charge="0.4")
     for plant in (asked, other):
         plant.command(charge_contact=True, supply_voltage=4.2, supply_current=0.7)

@@ -139,7 +139,7 @@ def is_alone(descriptor):
 
 
 def test_a_serial_device_is_opened_by_no_other_program(monkeypatch):
-    """Nor by the guardian while its own descriptor is good; once it has lost that one it can open the device anew."""
+    """Nor by the guardian while its own descriptor is good; once it has lost that one it can reopen the device."""
     with terminal() as (far, name):
         stream = LiveStream("psu1", name)
         assert not is_alone(far), "behind a pseudo-terminal there is nothing real"

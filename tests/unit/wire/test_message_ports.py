@@ -179,7 +179,7 @@ def test_the_guardian_switches_off_and_proves(supply, port, stream):
 
 
 def test_a_port_that_is_gone_is_told(supply):
-    """The executive learns it as of every stream; the guardian opens a session anew."""
+    """The executive learns it as of every stream; the guardian opens a new session."""
     with HiSlipServer(supply) as server:
         port = port_of("psu", f"TCPIP::127.0.0.1::hislip0,{server.port}::INSTR")
         stream = LineStream(port)

@@ -201,7 +201,7 @@ def test_a_question_in_parts_is_answered(tmp_path, looked):
 
 @pytest.mark.parametrize("name", [HOLD, DISTRESS])
 def test_a_wait_looks_up_where_something_came_upon_it(tmp_path, name):
-    """A hold begins, and a bench is lost, amid a wait, and not at its end; anything else is left to the wait's end."""
+    """A hold begins, and a bench is lost, during a wait, not at its end; anything else is left to its end."""
     path = tmp_path / "transcript.tsv"
     with path.open("wb", buffering=0) as sink:
         transcript = Transcript(sink)

@@ -115,7 +115,7 @@ class CaseClock(OfThisProcess):
                 return None
             vain_ns = began_ns
             turn = max(turn + 1, math.ceil((now_ns - start_ns) / NANOSECONDS / every))
-            with self._effects.undisturbed():  # a turn beside the case may be amid a transaction
+            with self._effects.undisturbed():  # a turn beside the case may be within a transaction
                 self._scheduler.wait_until(start_ns + round(turn * every * NANOSECONDS))
 
     def _beginning(self, since: object, now_ns: int) -> int:

@@ -321,7 +321,7 @@ class _Course:
 
     def leads_to(self, offset: int) -> int:
         """Return the number of the step at an offset, or of the one to which jumps lead from there."""
-        number = bisect_left(self._offsets, offset)  # an offset of an EXTENDED_ARG is that of the step behind it
+        number = bisect_left(self._offsets, offset)  # an offset of an EXTENDED_ARG is that of the step after it
         for _ in self._steps:
             if number >= len(self._steps) or self._steps[number].opname not in _EMPTY:
                 break

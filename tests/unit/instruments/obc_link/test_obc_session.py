@@ -37,7 +37,7 @@ def test_a_session_begins_with_a_delimiter_and_identify(port):
 
 
 def test_a_lost_reply_is_asked_for_again_with_the_same_bytes(session, port):
-    """The second attempt is the first byte by byte, behind a delimiter, so that the board executes it once."""
+    """The second attempt is the first byte by byte, after a delimiter, so that the board executes it once."""
     port.lose = 1
     port.answers[ADC] = lambda _: b"\0abc"
     assert session.request(Command.ADC, b"\0\x01\0").fields == b"abc"
@@ -112,7 +112,7 @@ def test_unknown_and_short_unsolicited_frames_are_stray(session, port, frame):
 
 
 def test_a_reset_within_a_session_names_its_reason(session, port):
-    """A boot notice is a fault of the board that names the boot and the reason; then the board is met anew."""
+    """A boot notice is a fault of the board that names the boot and the reason; then the board is met again."""
     port.before = boot_notice(42, 4)
     with pytest.raises(DeviceFault, match=r"obc: the board has restarted \(boot 42, independent watchdog\)"):
         session.request(Command.ADC)

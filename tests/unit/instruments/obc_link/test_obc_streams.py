@@ -182,7 +182,7 @@ def test_a_silent_link_is_found(bus, port):
 
 
 def test_a_lost_reply_to_time_is_no_fault(bus, port):
-    """TIME is asked anew, with new stamps, where its reply was lost."""
+    """TIME is asked again, with new stamps, where its reply was lost."""
     stream = bus.start_stream(PROGRAM, line=0)
     port.clock.sleep(11.0)
     port.lose = 1

@@ -18,7 +18,7 @@ def still(noise=3.0):
 
 
 def test_equal_samples_are_counted_over_blocks():
-    """Ten and six equal samples are sixteen; one other in between begins anew."""
+    """Ten and six equal samples are sixteen; one other in between starts the count again."""
     same = np.full((10, 3), 7, np.int16)
     watch = still()
     watch.judge_many(same)

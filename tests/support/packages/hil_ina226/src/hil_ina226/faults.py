@@ -14,7 +14,7 @@ __all__ = ["SdaLow"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SdaLow(LinkFault):
-    """The data line is held low behind the first bytes of each reply."""
+    """The data line is held low after the first bytes of each reply."""
 
     name = "sda-low"
     links = frozenset({"bus"})
