@@ -23,7 +23,6 @@ __all__ = ["ObcBoard", "ObcLink"]
 
 _CONVERSIONS = 64
 _MILLIVOLTS = 1000.0
-_HIGHEST_CHANNEL = 255  # a request has a byte for it
 
 
 class ObcBoard:
@@ -45,14 +44,12 @@ class ObcBoard:
         The standard uncertainty holds the scatter of the mean and the converter's step, not the reference's.
 
         Raises:
-            Refused: no input of any board has such a number; nothing was sent.
-            Rejected: this board has no such input.
+            Refused: the board says that it has no such input; nothing was asked of it.
         """
-        if not 0 <= channel <= _HIGHEST_CHANNEL:
-            raise Refused(
-                f"{self._session.device}: no analogue input has the number {channel}",
-                "the page of the board's firmware lists its inputs from 0 on",
-            )
+        channels = self._session.board().channels
+        if not 0 <= channel < channels:
+            has = f"its inputs are 0 to {channels - 1}" if channels else "it has none"
+            raise Refused(f"{self._session.device}: no analogue input has the number {channel}", has)
         fields = self._session.request(Command.ADC, struct.pack("<BH", channel, _CONVERSIONS)).fields
         found = self._session.read("ADC", conversions, fields)
         if (found.channel, found.taken) != (channel, _CONVERSIONS) or not found.full_scale:

@@ -86,11 +86,12 @@ def test_conversions_of_another_channel_are_garbled(board, port):
         board.analog(2)
 
 
-@pytest.mark.parametrize("channel", [-1, 256])
-def test_an_input_that_no_request_can_name_is_refused(board, port, channel):
-    """The sentence names board and number; no byte is sent."""
+@pytest.mark.parametrize("channel", [-1, 6, 77, 256])
+def test_an_input_that_the_board_does_not_have_is_refused(board, port, channel):
+    """The sentence names the board, the number and the inputs there are; no byte is sent."""
+    board.identify()
     sent = len(port.requests)
-    with pytest.raises(Refused, match=f"no analogue input has the number {channel}"):
+    with pytest.raises(Refused, match=f"obc: no analogue input has the number {channel}; its inputs are 0 to 5$"):
         board.analog(channel)
     assert len(port.requests) == sent
 
