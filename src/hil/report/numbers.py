@@ -3,10 +3,22 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from decimal import ROUND_HALF_EVEN, ROUND_HALF_UP, Context, Decimal
 
-__all__ = ["bench_time", "duration", "limit_text", "measured", "number", "rounded", "with_unit"]
+__all__ = [
+    "bench_time",
+    "duration",
+    "limit_text",
+    "measured",
+    "number",
+    "prefixed",
+    "quantity",
+    "rounded",
+    "span",
+    "with_unit",
+]
 
 NOT_A_NUMBER = "not a number"
 _DIGITS = 6
@@ -14,6 +26,12 @@ _DIGITS_ALONE = 4  # of a measured value whose uncertainty nobody knows
 _FINEST = 1e13  # beyond this ratio a double no longer holds the digits that the uncertainty asks for
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _WIDE = Context(prec=700)
+_PREFIXES = {-15: "f", -12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G", 12: "T"}
+_MEANT = {prefix: power for power, prefix in _PREFIXES.items()} | {"u": -6, "μ": -6}
+_TAKE_ALL = {"A", "Ah", "C", "F", "Hz", "J", "N", "Pa", "S", "V", "W", "Wb", "Wh", "bar", "g", "m", "ohm", "Ω"}
+_TAKE_SMALL = {"G", "H", "K", "L", "T", "cd", "lm", "lx", "rad", "s"}
+"""Nobody says kiloseconds."""
+_FIRST = re.compile(r"([A-Za-zµμΩ]+)(?![A-Za-z\d^²³⁻(]|\*\*)")
 
 
 def number(value: object, digits: int = _DIGITS) -> str:
@@ -24,12 +42,50 @@ def number(value: object, digits: int = _DIGITS) -> str:
         return "true" if value else "false"
     if not isinstance(value, int | float) or not math.isfinite(value):
         return NOT_A_NUMBER
-    exact = Decimal(repr(value))
-    if exact == exact.to_integral_value() and abs(exact) < Decimal("1e9"):
-        return str(int(exact))
-    short = Context(prec=digits, rounding=ROUND_HALF_EVEN).plus(exact)
-    exponent = _engineering(short.adjusted(), short.adjusted() - digits)
-    return _scaled(_bare(short.scaleb(-exponent)), exponent)
+    return _scaled(*_parts(value, digits))
+
+
+def quantity(value: object, unit: str, digits: int = _DIGITS) -> str:
+    """Return a value without uncertainty and its unit, which has a prefix instead of a power of ten where it may."""
+    if not isinstance(value, int | float) or isinstance(value, bool) or not math.isfinite(value):
+        return with_unit(number(value), unit)
+    shown, exponent = _parts(value, digits)
+    return _with_power(shown, exponent, unit)
+
+
+def span(low: float, high: float, unit: str, digits: int = _DIGITS) -> str:
+    """Return `low to high unit`, or one value where they read alike."""
+    first, last = quantity(low, unit, digits), quantity(high, unit, digits)
+    if first == last:
+        return first
+    ends = [_parts(each, digits) if math.isfinite(each) else (NOT_A_NUMBER, 0) for each in (low, high)]
+    alike = len({exponent for digits_, exponent in ends if digits_ != "0"}) == 1
+    if not alike:
+        return f"{first} to {last}" if any(exponent for _, exponent in ends) else f"{ends[0][0]} to {last}"
+    exponent = next(exponent for digits_, exponent in ends if digits_ != "0")
+    both = f"{ends[0][0]} to {ends[1][0]}"
+    left, known = prefixed(unit, exponent)
+    return with_unit(_scaled(f"({both})", left) if left else both, known)
+
+
+def prefixed(unit: str, exponent: int) -> tuple[int, str]:
+    """Return the power of ten that is left when a unit takes as much of it as a prefix, and the unit then.
+
+    Only the first factor of a unit takes one, and only where it stands alone: mV/s, but no prefix for m^2 or 1/s.
+
+    Args:
+        unit: as the catalogue or the bench has it, with or without a prefix.
+        exponent: a power of ten, a multiple of three.
+    """
+    first = _FIRST.match(unit) if exponent else None
+    if first is None:
+        return exponent, unit
+    name = first[1]
+    prefix, base = ("", name) if name in _TAKE_ALL | _TAKE_SMALL else (name[0], name[1:])
+    power = exponent + _MEANT.get(prefix, 99)
+    if (base not in _TAKE_ALL and not (base in _TAKE_SMALL and power <= 0)) or power not in _PREFIXES:
+        return exponent, unit
+    return 0, f"{_PREFIXES[power]}{base}{unit[first.end() :]}"
 
 
 def rounded(value: float, expanded: float) -> tuple[str, str, int]:
@@ -56,12 +112,12 @@ def measured(value: object, expanded: object, unit: str) -> str:
     if not isinstance(value, int | float):
         return number(value)
     if not math.isfinite(value) or not isinstance(expanded, int | float) or not 0 < expanded < math.inf:
-        return with_unit(number(value, _DIGITS_ALONE), unit)
+        return quantity(value, unit, _DIGITS_ALONE)
     if abs(value) > expanded * _FINEST:
         return with_unit(f"({number(value, 15)} ± {number(float(expanded), 2)})", unit)
     digits, spread, exponent = rounded(value, expanded)
     pair = f"{digits} ± {spread}"
-    return with_unit(_scaled(f"({pair})", exponent) if exponent or unit not in {"", "1"} else pair, unit)
+    return _with_power(f"({pair})" if exponent or unit not in {"", "1"} else pair, exponent, unit)
 
 
 def with_unit(text: str, unit: str) -> str:
@@ -87,7 +143,7 @@ def duration(seconds: object) -> str:
     if not isinstance(seconds, int | float) or not math.isfinite(seconds):
         return ""
     if seconds < 60:
-        return f"{number(float(seconds), 3)} s"
+        return quantity(float(seconds), "s", 3)
     whole = round(seconds)
     if whole < 3600:
         return f"{whole // 60} min {whole % 60:02d} s" if whole % 60 else f"{whole // 60} min"
@@ -102,6 +158,21 @@ def bench_time(seconds: object) -> str:
     tenths = round(seconds * 10)
     minutes, tenths = divmod(tenths, 600)
     return f"{minutes // 60}:{minutes % 60:02d}:{tenths // 10:02d}.{tenths % 10}"
+
+
+def _parts(value: float, digits: int) -> tuple[str, int]:
+    """Return a finite number as at most so many digits, and the power of ten that they are of."""
+    exact = Decimal(repr(value))
+    if exact == exact.to_integral_value() and abs(exact) < Decimal("1e9"):
+        return str(int(exact)), 0
+    short = Context(prec=digits, rounding=ROUND_HALF_EVEN).plus(exact)
+    exponent = _engineering(short.adjusted(), short.adjusted() - digits)
+    return _bare(short.scaleb(-exponent)), exponent
+
+
+def _with_power(digits: str, exponent: int, unit: str) -> str:
+    left, known = prefixed(unit, exponent)
+    return with_unit(_scaled(digits, left), known)
 
 
 def _engineering(size: int, quantum: int) -> int:

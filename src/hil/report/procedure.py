@@ -21,7 +21,7 @@ from hil.evidence.events import (
 )
 from hil.evidence.results.derived import BY_CASES
 from hil.report.material import Body, demands, text, unspoken
-from hil.report.numbers import bench_time, duration, number, with_unit
+from hil.report.numbers import bench_time, duration, number, quantity
 from hil.report.page.as_run import Placed, attributed, limit_of
 from hil.report.sentences import counted
 from hil.report.tables import labelled
@@ -206,7 +206,7 @@ def _named_arguments(arguments: Body) -> Iterable[str]:
 
 def _value(value: object) -> str:
     if isinstance(value, Mapping) and "value" in value and "unit" in value:
-        return with_unit(number(value["value"]), text(value, "unit"))
+        return quantity(value["value"], text(value, "unit"))
     if isinstance(value, Mapping):
         return "{" + ", ".join(_named_arguments(value)) + "}"
     if isinstance(value, list | tuple):

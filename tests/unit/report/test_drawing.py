@@ -163,7 +163,8 @@ def test_ticks_are_round(low, high, labels):
 
 def test_powers_of_ten_go_to_the_title():
     """Small and large numbers leave their power of ten to the axis' title."""
-    assert Scale(low=1.2e-5, high=3.1e-5, first=0, last=1).titled("A") == "(10⁻⁶ A)"
+    assert Scale(low=1.2e-5, high=3.1e-5, first=0, last=1).titled("deg/s") == "(10⁻⁶ deg/s)"
+    assert Scale(low=1.2e-5, high=3.1e-5, first=0, last=1).titled("A") == "µA"
     assert Scale(low=0.0, high=2e9, first=0, last=1).titled("") == "10⁹"
     assert Scale(low=0.0, high=20.0, first=0, last=1).titled("A") == "A"
 

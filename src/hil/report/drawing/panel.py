@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
 from html import escape
 
+from hil.report.numbers import prefixed
+
 __all__ = [
     "DISC",
     "WIDTH",
@@ -152,10 +154,11 @@ class Scale:
 
     def titled(self, unit: str) -> str:
         """Return the unit with the power of ten that the labels leave out."""
-        if not self.exponent:
-            return unit
-        power = f"10{str(self.exponent).translate(_SUPERSCRIPT)}"
-        return f"({power} {unit})" if unit else power
+        left, known = prefixed(unit, self.exponent)
+        if not left:
+            return known
+        power = f"10{str(left).translate(_SUPERSCRIPT)}"
+        return f"({power} {known})" if known else power
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -25,7 +25,7 @@ from hil.report.drawing.panel import (
     width_of,
 )
 from hil.report.material import Body, Material, Trace, decimate, text
-from hil.report.numbers import number, with_unit
+from hil.report.numbers import number, quantity, span
 
 if TYPE_CHECKING:
     import numpy as np
@@ -183,7 +183,7 @@ def _drawn(
         described += "; shown where the limit counts"
     if first.capture:
         unit = next((t.unit for t in joined if t.name == first.capture.channel), "")
-        level = with_unit(number(first.capture.level, 4), unit)
+        level = quantity(first.capture.level, unit, 4)
         described += f"; triggered by {first.capture.channel}, {first.capture.slope} through {level}"
     told = " · ".join(part for part in (short(first.case or ""), title) if part)
     svg = draw_traces(told, moving or joined, bands, first.capture, span)
@@ -284,9 +284,8 @@ def _told(pieces: Sequence[Trace]) -> str:
     if not len(known):
         return f"{name}: no finite sample"
     low, high = float(known.min()), float(known.max())
-    if number(low, 4) == number(high, 4):
-        return f"{name} {with_unit(number(low, 4), unit)} throughout"
-    return f"{name} from {number(low, 4)} to {with_unit(number(high, 4), unit)}"
+    told = span(low, high, unit, 4)
+    return f"{name} from {told}" if " to " in told else f"{name} {told} throughout"
 
 
 def _ends(trace: Trace) -> list[float]:

@@ -18,7 +18,7 @@ from hil.evidence.folder import RECORDINGS
 from hil.model.errors import HilError
 from hil.report.live.outlook import Outlook
 from hil.report.material import inners, parse, text
-from hil.report.numbers import number, with_unit
+from hil.report.numbers import number, quantity, with_unit
 
 __all__ = ["Reading", "Readings"]
 
@@ -61,7 +61,7 @@ class Reading:
     counts: bool | None = True
 
     def __str__(self) -> str:
-        return "-" if self.value is None else with_unit(number(self.value, 5), self.unit)
+        return "-" if self.value is None else quantity(self.value, self.unit, 5)
 
     @property
     def limits(self) -> str:

@@ -20,7 +20,7 @@ from hil.evidence.events import (
     StepEnd,
 )
 from hil.model.verdict import Verdict
-from hil.report.numbers import duration, limit_text, measured, number, with_unit
+from hil.report.numbers import duration, limit_text, measured, number, quantity
 from hil.report.page.view import CaseName, CheckRow, RecordingRow
 
 __all__ = [
@@ -215,7 +215,7 @@ def _coverage(check: Check) -> str:
         of_recording = check.verdict is Verdict.RECORDED and limit_of(check)
         return "" if of_recording else "uncertainty not recorded"  # a length or a rate is counted, not measured
     if check.expanded is not None and check.limit_unit not in {"", check.unit}:
-        return f"U = {with_unit(number(check.expanded, 2), check.limit_unit)}"
+        return f"U = {quantity(check.expanded, check.limit_unit, 2)}"
     return ""
 
 
@@ -223,8 +223,8 @@ def _signed(margin: float | None, unit: str) -> str:
     """Return a margin with its sign; that of a temperature is a difference, in K."""
     if margin is None:
         return ""
-    digits = number(margin, 3)
-    return with_unit(f"+{digits}" if margin > 0 else digits, "K" if unit in {"degC", "°C"} else unit)
+    shown = quantity(margin, "K" if unit in {"degC", "°C"} else unit, 3)
+    return f"+{shown}" if margin > 0 else shown
 
 
 def _recording(begin: Recording, end: RecordingEnd | None) -> RecordingRow:

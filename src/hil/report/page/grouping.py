@@ -8,7 +8,7 @@ from dataclasses import replace
 from hil.evidence.events import Check
 from hil.model.verdict import Verdict, worst
 from hil.report.drawing.checks import bounds_of, draw_bars, points_of
-from hil.report.numbers import number, with_unit
+from hil.report.numbers import span
 from hil.report.page.as_run import Placed, behind, check_row, ids, limit_of
 from hil.report.page.view import CaseGroup, CaseName, CaseView, CheckGroup, CheckRow, Headline, RecordingRow
 
@@ -116,8 +116,7 @@ def _headline(name: str, checks: Sequence[Check]) -> Headline:
     several = len(checks) > 1
     spanned = several and not margins and not bad and len(numbers) == len(checks)
     if spanned:
-        low, high = (number(end, 4) for end in (min(numbers), max(numbers)))
-        value = with_unit(low if low == high else f"{low} to {high}", shown.unit)
+        value = span(min(numbers), max(numbers), shown.unit, 4)
         among = f"{len(checks)} values"
     else:
         value = row.value
@@ -178,8 +177,7 @@ def _alike_rows(rows: Sequence[CheckRow], checks: Sequence[Check]) -> Sequence[C
     numbers = [check.value for check in checks if isinstance(check.value, int | float)]
     value = rows[0].value
     if len(numbers) == len(checks):
-        low, high = (number(end(numbers), 4) for end in (min, max))
-        value = with_unit(low if low == high else f"{low} to {high}", checks[0].unit)
+        value = span(min(numbers), max(numbers), checks[0].unit, 4)
     least = min(range(len(rows)), key=lambda place: checks[place].margin or 0.0)
     return [
         replace(

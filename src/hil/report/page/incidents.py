@@ -39,7 +39,7 @@ from hil.evidence.events import (
     Trip,
 )
 from hil.report.material import Body, flag, text
-from hil.report.numbers import bench_time, duration, number, with_unit
+from hil.report.numbers import bench_time, duration, quantity
 from hil.report.page.as_run import Placed
 from hil.report.page.view import Arming, CaseName, GateRow, Happening, SafeRow
 
@@ -297,7 +297,7 @@ def _told(event: Event) -> tuple[str, str] | None:  # noqa: PLR0911, PLR0912, C9
         case Anomaly():
             return "anomaly", event.text
         case Trip():
-            shown = "" if event.value is None else f" ({with_unit(number(event.value), event.unit)})"
+            shown = "" if event.value is None else f" ({quantity(event.value, event.unit)})"
             return "trip", f"{event.limit}: {event.text}{shown}"
         case MonitorLate():
             return "late monitor", f"{event.limit}: {event.text}"

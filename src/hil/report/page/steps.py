@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise, zip_longest
 
 from hil.evidence.events import Answer, Effect, Question, Recording, Step, StepEnd
-from hil.report.numbers import bench_time, duration, number, with_unit
+from hil.report.numbers import bench_time, duration, quantity
 from hil.report.page.as_run import Placed, ids
 from hil.report.page.view import Exchange, StepRow
 
@@ -218,4 +218,4 @@ def _exchange(question: Question, answer: Answer | None) -> Exchange:
 def _answer(value: bool | float | str, unit: str) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
-    return value if isinstance(value, str) else with_unit(number(value), unit)
+    return value if isinstance(value, str) else quantity(value, unit)
