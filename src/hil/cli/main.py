@@ -42,6 +42,7 @@ COMMANDS: Mapping[str, str] = {
     "run": "Run plans on a bench and seal the evidence.",
     "runs": "List the runs of the workspace.",
     "seal": "Seal an interrupted run as it is.",
+    "select": "Select the best of several sensors from their packages.",
     "sign": "Sign a package with an SSH key.",
     "simulate": "Serve a simulated bench to other programs.",
     "status": "Show the status of a run.",

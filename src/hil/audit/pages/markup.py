@@ -1,11 +1,13 @@
-"""Texts as markup: nothing in them is obeyed, whatever a catalogue or a package holds."""
+"""Texts as markup: nothing in them is obeyed, whatever a catalogue or a package holds; and the pages' own files."""
 
 from __future__ import annotations
 
 import re
+from functools import cache
+from pathlib import Path
 from urllib.parse import quote
 
-__all__ = ["anchor", "escaped", "link", "plain", "quoted"]
+__all__ = ["anchor", "asset", "escaped", "link", "plain", "quoted"]
 
 # Controls, and marks that reorder or hide text: they are shown by their number, never obeyed.
 _UNSAFE = re.compile(
@@ -42,3 +44,9 @@ def anchor(name: str) -> str:
 def link(name: str) -> str:
     """Return the link to a requirement's row."""
     return f'<a href="#{quoted(anchor(name))}">{escaped(name)}</a>'
+
+
+@cache
+def asset(name: str) -> str:
+    """Return what a file beside this one holds: `page.css`, which every page has, or `page.js`."""
+    return (Path(__file__).parent / name).read_text(encoding="utf-8").strip()

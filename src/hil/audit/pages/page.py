@@ -11,15 +11,13 @@ import hashlib
 from collections.abc import Iterable, Iterator, Sequence
 from functools import cache
 from itertools import groupby
-from pathlib import Path
 
 from hil.audit.document import CloseOut, Code, Compliance, Document, Gap, GapKind, OnHardware, Reason, Row
-from hil.audit.pages.markup import anchor, escaped, link, plain, quoted
+from hil.audit.pages.markup import anchor, asset, escaped, link, plain, quoted
 from hil.audit.pages.overview import TONES, overview
 
 __all__ = ["as_html"]
 
-_FOLDER = Path(__file__).parent
 _ROWS = 100  # of one table: a browser lays out only those that are looked at
 _REPORT = "data/report/report.html"
 
@@ -53,13 +51,8 @@ def as_html(document: Document, reports: str) -> Iterator[str]:
     yield _bottom(document)
 
 
-@cache
-def _asset(name: str) -> str:
-    return (_FOLDER / name).read_text(encoding="utf-8").strip()
-
-
 def _top(document: Document) -> str:
-    script = base64.b64encode(hashlib.sha256(_asset("page.js").encode()).digest()).decode()
+    script = base64.b64encode(hashlib.sha256(asset("page.js").encode()).digest()).decode()
     policy = f"default-src 'none'; style-src 'unsafe-inline'; script-src 'sha256-{script}'"
     name = plain(document.workspace)
     summary = document.summary
@@ -68,7 +61,7 @@ def _top(document: Document) -> str:
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n'
-        f"<title>{title}</title>\n<style>\n{_asset('page.css')}\n</style>\n</head>\n<body>\n"
+        f"<title>{title}</title>\n<style>\n{asset('page.css')}\n</style>\n</head>\n<body>\n"
         f'<header class="masthead"><p class="kind">Verification control document</p>'
         f'<p class="soft">{_state(document)}</p></header>\n'
     )
@@ -292,5 +285,5 @@ def _bottom(document: Document) -> str:
     return (
         "<footer><p>The columns follow ECSS-E-ST-10-02C Rev.1, Annex B. Every status is computed from the catalogue, "
         "the registers, the ledger and the packages; none is typed in. Equal inputs give this page byte for byte.</p>"
-        f"<p>hil {escaped(document.version)}</p></footer>\n<script>{_asset('page.js')}</script>\n</body>\n</html>\n"
+        f"<p>hil {escaped(document.version)}</p></footer>\n<script>{asset('page.js')}</script>\n</body>\n</html>\n"
     )
