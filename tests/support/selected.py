@@ -29,6 +29,7 @@ def taken(of: str, value: float, uncertainty: float | None = None, **changed: An
         "parameter": "white_noise",
         "of": of,
         "case": "test_noise",
+        "plan": "imu",
         "value": value,
         "unit": "deg/s/sqrt(Hz)",
         "uncertainty": abs(value) / 100 if uncertainty is None else uncertainty,

@@ -68,7 +68,7 @@ def choose(
         title=criteria.title,
         criteria=content,
         confidence=criteria.confidence,
-        warnings=tuple(_warnings(packages, chosen.used, left_out, missing)),
+        warnings=tuple(_warnings(packages, chosen, left_out, missing)),
         candidates={role: tuple(c.name for c in criteria.candidates if role in c.roles) for role in criteria.roles},
         cells=cells,
         shares=tuple(share for role in (*criteria.roles, "") for share in _shares(role, cells)),
@@ -106,6 +106,7 @@ class _Selection:
         self._newest = _newest(packages)
         self.excluded: set[Excluded] = set()
         self.used: Counter[str] = Counter()
+        self.unproven: set[str] = set()
 
     def cell(self, asked: Asked) -> Cell:
         """Return a criterion for one role."""
@@ -151,6 +152,7 @@ class _Selection:
                 used.append(_combined(member, good, asked.unit))
                 told = told and all(each.figure.rate and each.figure.bandwidth for each in good)
                 self.used.update(each.package.digest for each in good)
+                self.unproven |= {each.figure.parameter for each in good if each.figure.unproven}
             else:
                 wrong["; ".join(dict.fromkeys(reasons)) or "no package has a figure"].append(member)
         return tuple(used), [f"{', '.join(members)}: {why}".removeprefix(": ") for why, members in wrong.items()], told
@@ -164,7 +166,7 @@ class _Selection:
                 continue
             for each in package.figures:
                 wanted = each.parameter == criterion.parameter and each.of == member
-                if wanted and criterion.requirement in {"", each.requirement}:
+                if wanted and criterion.plan in {"", each.plan}:
                     key = (package.digest, each.case, each.value, each.unit, each.uncertainty, bool(each.problem))
                     found.setdefault(key, _Found(package, each))
         return list(found.values())
@@ -213,9 +215,6 @@ class _Selection:
         )
 
     def _notes(self, asked: Asked, axes: _Axes, standings: Sequence[Standing], unknown: Sequence[str]) -> Iterator[str]:
-        judged, all_of_them = len(standings), len(asked.candidates)
-        if judged < all_of_them:
-            yield f"{judged} of {all_of_them} candidates were judged"
         other = _OTHER[asked.criterion.combine]
         otherwise = _first(self._ranked(axes, asked.unit, other).places)
         if set(otherwise) != {each.candidate for each in standings if each.rank == 1}:
@@ -323,15 +322,18 @@ def _summed(parts: Iterable[float]) -> float:
 
 
 def _warnings(
-    packages: Sequence[Input], used: Counter[str], left_out: Sequence[str], missing: Sequence[str]
+    packages: Sequence[Input], chosen: _Selection, left_out: Sequence[str], missing: Sequence[str]
 ) -> Iterator[str]:
-    counted = [each for each in packages if used[each.digest]]
+    counted = [each for each in packages if chosen.used[each.digest]]
     for source in (Source.SIMULATED, Source.REPLAYED):
         if number := sum(each.source == source for each in counted):
             yield (
                 f"{source.upper()}: {number} of {len(counted)} packages that count {_are(number)} {source}; this says "
                 "nothing of real sensors"
             )
+    if chosen.unproven:
+        told = ", ".join(sorted(chosen.unproven))
+        yield f"UNPROVEN: {told}: no reading stands behind such figures, or they were changed by hand"
     if number := sum(each.deviates for each in counted):
         yield f"{number} of {len(counted)} packages that count {'deviates' if number == 1 else 'deviate'} from the plan"
     if left_out:

@@ -56,7 +56,7 @@ class Criterion:
         axes: the axes that a candidate needs a figure of, each; empty if the checks are of no axis.
         combine: whether the worst axis counts, or the mean of their magnitudes.
         weight: how much it counts overall.
-        requirement: only checks of this requirement, if it is given.
+        plan: only checks of this plan, if it is given.
         unaliased: whether figures count only if their recording took at least two samples per period of the highest
             frequency that the sensor's filter passes.
     """
@@ -67,7 +67,7 @@ class Criterion:
     axes: tuple[Text, ...] = ()
     combine: _Combine = "worst"
     weight: Positive = 1.0
-    requirement: Text = ""
+    plan: Text = ""
     unaliased: Flag = False
 
 

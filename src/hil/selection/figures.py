@@ -37,10 +37,12 @@ class Taken(msgspec.Struct, frozen=True, kw_only=True, order=True):
         parameter: the parameter.
         of: the axis, such as `gyroscope.lsm.x`; empty without one.
         case: the case.
+        plan: its plan.
         value: in `unit`; 0 for one that is no number, which has a problem.
         unit: its unit.
         uncertainty: standard uncertainty; 0 if it is not known, which is a problem.
         dof: degrees of freedom, None if infinite.
+        unproven: whether no reading stands behind it, or it was changed by hand.
         problem: why it does not count, a sentence without its full stop; empty if nothing speaks against it.
         rate: samples per second of its recordings, the least of them; None if the package does not tell.
         bandwidth: noise bandwidth of the sensor's filter in Hz; None if the package does not tell.
@@ -52,10 +54,12 @@ class Taken(msgspec.Struct, frozen=True, kw_only=True, order=True):
     parameter: str
     of: str
     case: str
+    plan: str
     value: float
     unit: str
     uncertainty: float
     dof: float | None = None
+    unproven: bool = False
     problem: str = ""
     rate: float | None = None
     bandwidth: float | None = None
@@ -176,10 +180,12 @@ def _taken(case: CaseOutcome, check: Check, facts: Mapping[str, object]) -> Take
         parameter=check.parameter,
         of=check.of or "",
         case=case.case,
+        plan=case.plan,
         value=float(number or 0.0),
         unit=check.unit,
         uncertainty=check.uncertainty or 0.0,
         dof=check.dof,
+        unproven=bool(check.unproven),
         problem=_problem(case, check, number),
         **facts,  # type: ignore[arg-type]  # of the fields that they name
     )
@@ -187,13 +193,13 @@ def _taken(case: CaseOutcome, check: Check, facts: Mapping[str, object]) -> Take
 
 def _problem(case: CaseOutcome, check: Check, number: float | None) -> str:
     """Return why a figure does not count, else an empty text; whether it met its limit plays no part."""
+    near = check.margin is not None and check.expanded is not None and not check.uncovered  # only too near its limit
     reasons = (
         (case.verdict in _RUINED, f"its case ended in {case.verdict}: {_told_of(case.reasons)}"),
         (bool(check.doubts), f"its data are in DOUBT: {_told_of(check.doubts)}"),
         (check.status in _STATUS, _STATUS.get(str(check.status), "")),
         (number is None, "it is no number"),
-        (bool(check.unproven), f"it proves nothing: {_told_of(check.unproven)}"),
-        (check.verdict == Verdict.INCONCLUSIVE, f"its check is INCONCLUSIVE: {_told_of([check.reason])}"),
+        (check.verdict == Verdict.INCONCLUSIVE and not near, f"its check is INCONCLUSIVE: {_told_of([check.reason])}"),
         (check.uncertainty is None, "its uncertainty is not known, so that nothing tells it from another"),
     )
     return next((text for holds, text in reasons if holds), "")

@@ -7,7 +7,7 @@ from itertools import groupby
 from pathlib import Path
 
 from hil.audit.pages.markup import asset, escaped, plain
-from hil.report.numbers import measured, with_unit
+from hil.report.numbers import measured
 from hil.selection.document import Cell, Document, Excluded, Share, Standing
 
 __all__ = ["as_html"]
@@ -83,9 +83,12 @@ def _best(cell: Cell) -> str:
     names = " or ".join(map(escaped, cell.best))
     tied = '<span class="soft">cannot be told apart</span>' if len(cell.best) > 1 else ""
     partly = f'<span class="badge open">{len(cell.standings)} of {of_all} judged</span>' if cell.unjudged else ""
+    notes = "".join(f'<span class="told">{escaped(note)}</span>' for note in cell.notes)
+    value = escaped(measured(first.value, first.expanded, cell.unit))
+    sure = _sure(first) if len(cell.standings) > 1 else '<span class="soft">the only one</span>'
     return (
         f'<td {label}><b class="{"good" if not cell.unjudged and len(cell.best) == 1 else "open"}">{names}</b>{tied}'
-        f'<span class="value">{escaped(_value(first, cell.unit))}</span>{_sure(first)}{partly}</td>'
+        f'<span class="value">{value}</span>{sure}{partly}{notes}</td>'
     )
 
 
@@ -103,7 +106,7 @@ def _overall(shares: Sequence[Share]) -> str:
 
 
 def _range(share: Share) -> str:
-    inner = f' <span class="soft">{_percent(share.low)} to {_percent(share.high)}</span>'
+    inner = f' <span class="soft">({_percent(share.low)} to {_percent(share.high)})</span>'
     return f"<b>{_percent(share.share)}</b>{inner if share.low != share.high else ''}"
 
 
@@ -114,16 +117,13 @@ def _percent(part: float) -> str:
     return f"{100.0 * part:.3g} %"
 
 
-def _value(standing: Standing, unit: str) -> str:
-    return measured(standing.value, standing.expanded, unit)
-
-
 def _places(cell: Cell, confidence: float) -> Iterator[str]:
     """Yield all places of a cell, and who has none."""
     name = f"{cell.role.replace('_', ' ').capitalize()}: {cell.criterion[:1].lower()}{cell.criterion[1:]}"
     weight = f", weight {cell.weight:g}" if cell.weight != 1.0 else ""
-    about = f"{cell.parameter} in {cell.unit}; {_COMBINED[cell.combine]}{weight}; intervals of {100.0 * confidence:g} %"
-    yield f'<h2>{escaped(name)}</h2>\n<p class="soft">{escaped(with_unit(about, ""))}</p>\n'
+    unit = f" in {cell.unit}" if cell.unit != "1" else ""
+    about = f"{cell.parameter}{unit}; {_COMBINED[cell.combine]}{weight}; intervals of {100.0 * confidence:g} %"
+    yield f'<h2>{escaped(name)}</h2>\n<p class="soft">{escaped(about)}</p>\n'
     yield "".join(f'<p class="note">{escaped(note)}.</p>\n' for note in cell.notes)
     yield (
         '<table class="places"><thead><tr><th scope="col">Place</th><th scope="col">Candidate</th><th scope="col">Value'
@@ -134,10 +134,11 @@ def _places(cell: Cell, confidence: float) -> Iterator[str]:
     reach = min(reach, 3.0 * max((each.value for each in cell.standings), default=0.0)) or 1.0
     for each in cell.standings:
         place = str(each.rank) if each.rank == each.last else f"{each.rank} to {each.last}"
+        sure = _percent(each.probability) if len(cell.standings) > 1 else "the only one"
         yield (
             f'<tr><td class="place">{place}</td><th scope="row">{escaped(each.candidate)}</th>'
             f'<td data-name="Value">{escaped(measured(each.value, each.expanded, "1"))}</td>'
-            f'<td class="drawn">{_drawn(each, reach)}</td><td data-name="Best">{_percent(each.probability)}</td>'
+            f'<td class="drawn">{_drawn(each, reach)}</td><td data-name="Best">{sure}</td>'
             f'<td data-name="Axis">{escaped(each.of) or "mean"}</td>'
             f'<td data-name="Not told apart from">{escaped(", ".join(each.ties)) or "nobody"}</td></tr>\n'
         )

@@ -15,7 +15,7 @@ candidates:
   B: {roles: [gyroscope], duts: [SN1], part: P1}
 criteria:
   Noise: {parameter: white_noise, units: {gyroscope: deg/s/sqrt(Hz), magnetometer: uT/sqrt(Hz)}, axes: [x, y]}
-  Drift: {parameter: drift, units: {gyroscope: deg/s/K}, combine: mean, weight: "2", requirement: R-1}
+  Drift: {parameter: drift, units: {gyroscope: deg/s/K}, combine: mean, weight: "2", plan: imu_lamp}
 """
 
 

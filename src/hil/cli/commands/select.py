@@ -141,7 +141,8 @@ def _row(cell: Cell) -> tuple[str, ...]:
     from hil.report.numbers import measured  # noqa: PLC0415 - heavy
 
     if not cell.standings:
-        return cell.criterion, "nobody", "", ""
+        return cell.criterion, "nobody", "", "", ""
     first = cell.standings[0]
     value = measured(first.value, first.expanded, cell.unit)
-    return cell.criterion, " or ".join(cell.best), value, f"{first.probability:.1%}"
+    of_all = f"{len(cell.standings)} of {len(cell.standings) + len(cell.unjudged)} judged" if cell.unjudged else ""
+    return cell.criterion, " or ".join(cell.best), value, f"{first.probability:.1%}", of_all
