@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from hil.analysis.noise.numbers import RandomStream
 from hil.analysis.noise.rate_noise import NoiseLevels, RateNoise
+from hil.analysis.tracing import traced
 
 __all__ = ["SensorModel", "SensorSamples", "SimulatedSensor", "simulate"]
 
@@ -124,6 +125,7 @@ def _normals(stream: RandomStream, rate: float) -> RateNoise:
     return RateNoise(lambda _: stream, unit, rate=rate, bandwidth=rate / 2)
 
 
+@traced
 def simulate(
     model: SensorModel, count: int, *, seed: int, truth: ArrayLike = 0.0, temperature: ArrayLike | None = None
 ) -> SensorSamples:
