@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from functools import cache
+from itertools import pairwise
 from typing import TypeAlias
 
 import numpy as np
@@ -32,43 +32,68 @@ _FINE = 8  # octaves that are taken from the samples; the others from sums over 
 _Kernel: TypeAlias = Callable[[_Array, float, _Array, _Array], None]
 
 
-@dataclass(slots=True)
 class _Level:
-    """Sums over one averaging factor.
+    """Sums over one averaging factor, in a row that has room for those of a block and for the last of those before.
 
     Attributes:
-        lag: how many sums further the next one without a common sample is.
-        thinned: whether the next octave takes every other sum only.
-        kept: the last sums, which differ from sums that are still to come.
-        first: number of the first of them.
         power: sum of the squared differences so far.
         count: how many these are.
     """
 
-    lag: int
-    thinned: bool
-    kept: _Array = field(default_factory=lambda: np.empty(0))
-    first: int = 0
-    power: float = 0.0
-    count: int = 0
+    def __init__(self, octave: int, *, room: int) -> None:
+        """Take the octave of the averaging factor, and how many sums come at once."""
+        self._lag, self._thinned = min(1 << octave, STARTS), 1 << octave >= STARTS
+        self._row = np.empty(room + self._lag)
+        self._size = 0
+        self._first = 0
+        self.power = 0.0
+        self.count = 0
 
-    def take(self, sums: _Array) -> _Array:
-        """Take the sums that follow; return those over twice the samples."""
-        held = np.concatenate([self.kept, sums]) if self.kept.size else sums
-        lag, number = self.lag, self.first
-        if held.size <= lag:
-            self.kept = held.copy()
-            return np.empty(0)
-        earlier, later = held[:-lag], held[lag:]
-        difference: _Array = np.subtract(later, earlier)
+    def room(self, count: int) -> _Array:
+        """Return the places of so many sums that follow, to be filled in."""
+        self._size += count
+        return self._row[self._size - count : self._size]
+
+    def pairs(self) -> int:
+        """Return how many sums over twice the samples can be made."""
+        found = max(0, self._size - self._lag)
+        return (found + 1 - self._first % 2) // 2 if self._thinned else found
+
+    def pair(self, scratch: _Array, target: _Array) -> None:
+        """Square the differences, write the sums over twice the samples to `target`, and keep the last sums."""
+        lag, size = self._lag, self._size
+        count = size - lag
+        if count <= 0:
+            return
+        earlier, later, difference = self._row[:count], self._row[lag:size], scratch[:count]
+        np.subtract(later, earlier, out=difference)
         self.power += float(np.einsum("i,i->", difference, difference))
-        self.count += difference.size
-        self.kept = held[-lag:].copy()
-        self.first = number + earlier.size
-        if self.thinned:
-            later, earlier, difference = later[number % 2 :: 2], earlier[number % 2 :: 2], difference[number % 2 :: 2]
-        np.add(later, earlier, out=difference)
-        return difference
+        self.count += count
+        if self._thinned:
+            later, earlier = later[self._first % 2 :: 2], earlier[self._first % 2 :: 2]
+        np.add(later[: target.size], earlier[: target.size], out=target)
+        self._row[:lag] = self._row[count:size]
+        self._first += count
+        self._size = lag
+
+
+def _levels(first: int, end: int) -> list[_Level]:
+    """Return levels for octaves from `first` to below `end`."""
+    levels, room = [], _BLOCK
+    for octave in range(first, end):
+        levels.append(_Level(octave, room=room))
+        if 1 << octave >= STARTS:
+            room = room // 2 + 1
+    return levels
+
+
+def _climb(levels: list[_Level], scratch: _Array, top: _Array) -> int:
+    """Pair what the levels hold, from the first to the last, whose sums go to `top`; return how many those are."""
+    for level, above in pairwise(levels):
+        level.pair(scratch, above.room(level.pairs()))
+    count = min(top.size, levels[-1].pairs())
+    levels[-1].pair(scratch, top[:count])
+    return count
 
 
 def octaves(values: _Array, mean: float, count: int) -> tuple[_Array, list[_Array]]:
@@ -85,7 +110,7 @@ def octaves(values: _Array, mean: float, count: int) -> tuple[_Array, list[_Arra
     coarse = np.empty((values.size - (1 << _FINE)) * STARTS // (1 << _FINE) + 1)
     powers = np.empty((2, count))
     _fine()(values, mean, coarse, powers[:, :_FINE])
-    levels = [_Level(lag=STARTS, thinned=True) for _ in range(_FINE, count)]
+    levels = _levels(_FINE, count)
     _through(coarse, levels)
     for place, level in enumerate(levels, start=_FINE):
         powers[:, place] = level.power, level.count
@@ -107,26 +132,23 @@ def _averages(values: _Array, mean: float, coarse: _Array, count: int) -> list[_
     return found
 
 
-def _through(sums: _Array, levels: list[_Level]) -> _Array:
+def _through(sums: _Array, levels: list[_Level]) -> None:
     """Give sums to the levels in blocks."""
+    scratch, beyond = np.empty(_BLOCK), np.empty(_BLOCK)
     for begin in range(0, sums.size, _BLOCK):
         part = sums[begin : begin + _BLOCK]
-        for level in levels:
-            part = level.take(part)
-    return part
+        levels[0].room(part.size)[:] = part
+        _climb(levels, scratch, beyond)
 
 
 def _plain(values: _Array, mean: float, coarse: _Array, powers: _Array) -> None:
     """Fill in the squared differences of the first octaves and their number, and the sums for those that follow."""
-    levels = [_Level(lag=min(1 << octave, STARTS), thinned=1 << octave >= STARTS) for octave in range(_FINE)]
-    filled = 0
+    levels = _levels(0, _FINE)
+    scratch, filled = np.empty(_BLOCK), 0
     for begin in range(0, values.size, _BLOCK):
-        part = np.subtract(values[begin : begin + _BLOCK], mean)
-        for level in levels:
-            part = level.take(part)
-        part = part[: coarse.size - filled]
-        coarse[filled : filled + part.size] = part
-        filled += part.size
+        part = values[begin : begin + _BLOCK]
+        np.subtract(part, mean, out=levels[0].room(part.size))
+        filled += _climb(levels, scratch, coarse[filled:])
     for octave, level in enumerate(levels):
         powers[:, octave] = level.power, level.count
 
@@ -155,7 +177,7 @@ def compiled() -> _Kernel | None:
 
 def _looped(values: _Array, mean: float, coarse: _Array, powers: _Array) -> None:
     """Do what `_plain` does, in loops that a compiler makes fast; each row of `held` are the sums of one octave."""
-    block, octaves = 4096, powers.shape[1]
+    block, octaves = 8192, powers.shape[1]
     held = np.empty((octaves, block + 64))
     sizes = np.zeros(octaves + 1, dtype=np.int64)
     firsts = np.zeros(octaves, dtype=np.int64)
@@ -174,11 +196,6 @@ def _looped(values: _Array, mean: float, coarse: _Array, powers: _Array) -> None
             pairs = size - lag
             earlier, later = held[octave, :pairs], held[octave, lag:size]
             power = 0.0
-            for place in range(pairs):
-                difference = later[place] - earlier[place]
-                power += difference * difference
-            powers[0, octave] += power
-            powers[1, octave] += pairs
             stride = 1 if lag < 16 else 2
             start = firsts[octave] % stride
             count = (pairs - start + stride - 1) // stride
@@ -190,11 +207,17 @@ def _looped(values: _Array, mean: float, coarse: _Array, powers: _Array) -> None
                 filled += count
             if stride == 1:
                 for place in range(count):
-                    target[place] = later[place] + earlier[place]
+                    before, after = earlier[place], later[place]
+                    power += (after - before) ** 2
+                    target[place] = after + before
             else:
+                for place in range(pairs):
+                    power += (later[place] - earlier[place]) ** 2
                 early, late = earlier[start::2], later[start::2]
                 for place in range(target.size):
                     target[place] = late[place] + early[place]
+            powers[0, octave] += power
+            powers[1, octave] += pairs
             held[octave, :lag] = held[octave, pairs:size]
             sizes[octave] = lag
             firsts[octave] += pairs
