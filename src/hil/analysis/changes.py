@@ -23,6 +23,7 @@ _BY_CHANCE = 1e-6  # records of noise in which one is found
 _AROUND, _WIDEST = 8, 3  # averages on either side of a jump, and how many of them it may take
 _BLOCK = 1 << 14  # samples that are looked at at once, within the processor's cache
 _PARTS = 8  # of a record, whose noise is compared
+_ENOUGH = 100_000  # differences that tell their scatter to half a percent
 _LOOKED_AT = 20_000  # samples of a part that tell its noise
 _LOUDER = 1.25  # times: noise that differs by less is one noise
 _SURE = 5.0  # standard deviations beyond which a difference is no chance
@@ -46,11 +47,12 @@ def jumps(channel: str, values: _Array) -> Gate:
         if means.size < _FEWEST:
             break
         away = means[2:] - means[:-2]
-        here = present(away)
+        here = present(away[:: 1 + away.size // _ENOUGH])
         if here.size < _FEWEST // 2:
             break
-        away -= np.median(here)
-        scatter = max(1.4826 * float(np.median(np.abs(present(away)))), noise * math.sqrt(2.0 / width))
+        middle = np.median(here)
+        away -= middle
+        scatter = max(1.4826 * float(np.median(np.abs(here - middle))), noise * math.sqrt(2.0 / width))
         limit = math.sqrt(2.0 * math.log(means.size / _BY_CHANCE)) * scatter
         far = np.flatnonzero(np.abs(away) > limit) if scatter > 0.0 else np.empty(0, dtype=np.intp)
         for place in far[np.argsort(-np.abs(away[far]))][:_AROUND].tolist():

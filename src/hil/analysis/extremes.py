@@ -20,13 +20,14 @@ _NEAR_FULL = 0.999  # of full scale
 _ENOUGH = 20  # samples from which extremes and neighbours are judged
 _PILED, _VISITS = 5, 3  # equal extreme samples, and times that the signal came there, from which it may be clipped
 _PILE = 2.0  # times what lies beside them
+_ALIKE = 5.0  # times what stands at any one number beside them: a slow sine stands longer at its end, by 1.4
 _SPREADS, _BEYOND = 2.0, 10.0  # standard deviations that the last two levels may be off, and samples beyond them
 _NEAR_END = 0.08  # of the distance between quartiles: a tenth of a standard deviation
 _WIDTHS = (1, 4, 16, 64)  # samples that are averaged: a knock shows where they are as many as it took
 _FINE = 0.6  # of a standard deviation: with a larger step the robust scatter is a step as well
 _TAIL, _BEYOND_TAIL = 3.0, 0.0293  # standard deviations, and the share of its power that white noise has beyond them
 _MORE = 0.015  # of the power: white noise reads by half of it too large
-_BY_CHANCE_MORE = 4.0  # over the root of the samples: five standard deviations of that share
+_BY_CHANCE_MORE = 3.4  # over the root of the samples: 6,000 records of white noise come to 3.2 at most
 _BY_CHANCE = 1e-6  # records of white noise in which a spike is found
 _BLOCK = 1 << 14  # samples that are looked at at once, within the processor's cache
 _ENOUGH_FOR_QUARTERS = 100_000  # samples that tell quartiles to half a percent of the scatter
@@ -67,9 +68,12 @@ def _clipped(channel: str, values: _Array) -> Gate:
             count = int(np.count_nonzero(at))
             if not _PILED <= count < 0.9 * here.size or np.count_nonzero(at[1:] > at[:-1]) < _VISITS:
                 continue
-            beside = int(np.count_nonzero(np.abs(here - end) <= max(width, 1.5 * step))) - count
-            if count > _PILE * (beside + math.sqrt(beside)):
-                reason = f"{count} of {values.size} samples are at {end:.6g} and only {beside} near it: clipped"
+            beside = here[(np.abs(here - end) <= max(width, 1.5 * step)) & ~at]
+            told = f"{count} of {values.size} samples are at {end:.6g}"
+            if count > _PILE * (beside.size + math.sqrt(beside.size)):
+                reason = f"{told} and only {beside.size} near it: clipped"
+            elif count > _ALIKE * np.unique(beside, return_counts=True)[1].max():
+                reason = f"{told}, far more than at any other number near it: clipped"
         if reason:
             samples = numbers(np.flatnonzero(values == end))
             return Gate(name="saturated", channel=channel, ok=False, reason=reason, samples=samples)
@@ -103,7 +107,7 @@ def spikes(channel: str, values: _Array) -> Gate:
     """
     name = "spikes"
     step = step_of(values) or 0.0
-    reason = ""
+    reason, heavy = "", None
     means = values
     for width, finer in zip(_WIDTHS, (1, *_WIDTHS), strict=False):
         means = averaged(means, width // finer)
@@ -132,23 +136,28 @@ def spikes(channel: str, values: _Array) -> Gate:
             if tail.size > _FEWEST and power > allowed:
                 told = f"{tail.size} samples stand out by more than {_TAIL:g} standard deviations"
                 more = f"{told} and hold {power:.1%} of the power, where chance makes {_BEYOND_TAIL:.1%}"
-                reason = f"{more}, the first is number {tail[0] + 1}"
-                return Gate(name=name, channel=channel, ok=False, reason=reason, samples=numbers(tail))
+                heavy = Gate(
+                    name=name, channel=channel, ok=False, reason=f"{more}, the first is number {tail[0] + 1}",
+                    samples=numbers(tail),
+                )  # fmt: skip
         reason = reason or f"no sample stands out by {limit:.1f} standard deviations"
+    if heavy is not None:
+        return heavy
     if not reason:
         return Gate(name=name, channel=channel, ok=None, reason="there is too little noise to hold spikes against")
     return Gate(name=name, channel=channel, ok=True, reason=reason)
 
 
 def averaged(values: _Array, width: int) -> _Array:
-    """Return the means of so many samples each."""
+    """Return the means of so many samples each, a power of two."""
     if width == 1:
         return values
-    whole = values[: values.size // width * width]
-    means: _Array = whole[::width] + whole[1::width]
-    for place in range(2, width):
-        means += whole[place::width]
-    means /= width
+    means = np.empty(values.size // width)
+    for begin in range(0, means.size * width, _BLOCK):
+        sums = values[begin : min(begin + _BLOCK, means.size * width)]
+        for _ in range(width.bit_length() - 1):
+            sums = sums[::2] + sums[1::2]
+        np.divide(sums, width, out=means[begin // width : begin // width + sums.size])
     return means
 
 

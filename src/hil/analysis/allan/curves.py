@@ -20,6 +20,8 @@ __all__ = ["Slow", "roughly", "slow"]
 
 _Array: TypeAlias = NDArray[np.float64]
 
+_BLOCK = 1 << 16  # samples that are looked at at once
+_TRIED, _NARROWINGS = 7, 2  # shapes on either side of a curve's, and rounds
 _CELLS = 512
 _FEWEST = 32  # cells in which a curve can be told from noise
 _WARM_UPS = np.geomspace(1.0 / 60.0, 1.0, 12)  # time constants, of the record
@@ -42,6 +44,9 @@ class Slow:
         walk: whether random walk is as likely as a curve in its place, with white noise and flicker.
         gain: twice the log likelihood that the curve adds to all noises.
         lead: that of slow noise over white noise with a curve.
+        open: by how much the coefficient of random walk is smaller, or larger, if the curve that explains most is taken
+            for real, in unit * sqrt(Hz).
+        shape: of the curve: its time constant in samples, negative, or its period in samples; NaN if none shows.
     """
 
     curve: str
@@ -49,6 +54,28 @@ class Slow:
     walk: bool
     gain: float
     lead: float
+    open: float
+    shape: float
+
+    def rest(self, values: _Array) -> _Array:
+        """Return a copy of values without a mean, a line and the curve of this shape, which are fitted together."""
+        mean = float(np.nanmean(values))
+        normal, right = np.zeros((4, 4)), np.zeros(4)
+        for first in range(0, values.size, _BLOCK):
+            part = values[first : first + _BLOCK] - mean
+            here = np.isfinite(part)
+            parts = self._parts(first, values.size)[:, here]
+            normal += parts @ parts.T
+            right += parts @ part[here]
+        shares = np.linalg.lstsq(normal, right, rcond=1e-14)[0]
+        bare = values - mean
+        for first in range(0, values.size, _BLOCK):
+            bare[first : first + _BLOCK] -= shares @ self._parts(first, values.size)
+        return bare
+
+    def _parts(self, first: int, samples: int) -> _Array:
+        """Return what `rest` fits, from a sample on for a block: shape (4, k)."""
+        return _design(np.arange(first, min(first + _BLOCK, samples), dtype=np.float64), self.shape, samples)
 
 
 def slow(values: _Array, rate: float) -> Slow | None:
@@ -65,13 +92,21 @@ def slow(values: _Array, rate: float) -> Slow | None:
     if not parts.any():
         return None
     design = _spectra(means.size, step)
-    alone, _ = _likelihood(parts, design, curved=False)
-    simple, _ = _likelihood(parts, design[:, :1], curved=True)
-    without, _ = _likelihood(parts, design[:, :2], curved=True)
-    both, best = _likelihood(parts, design, curved=True)
-    gain, lead = 2.0 * (both - alone), 2.0 * (alone - simple)
-    curve = _described(best, means.size * step) if gain > _CURVE else ""
-    return Slow(curve=curve, noise=lead > _NOISE, walk=2.0 * (alone - without) > _WALK, gain=gain, lead=lead)
+    alone = _likelihood(parts, design, curved=False)
+    simple = _likelihood(parts, design[:, :1], curved=True)
+    without = _likelihood(parts, design[:, :2], curved=True)
+    both = _likelihood(parts, design, curved=True)
+    gain, lead = 2.0 * (both.largest - alone.largest), 2.0 * (alone.largest - simple.largest)
+    shape = _shape(both.curve, means) if gain > _CURVE else math.nan
+    return Slow(
+        curve=_described(shape * step) if gain > _CURVE else "",
+        noise=lead > _NOISE,
+        walk=2.0 * (alone.largest - without.largest) > _WALK,
+        gain=gain,
+        lead=lead,
+        open=abs(math.sqrt(alone.levels[-1]) - math.sqrt(both.levels[-1])),
+        shape=shape * step * rate,
+    )
 
 
 def _means(values: _Array, rate: float) -> tuple[_Array, float]:
@@ -131,11 +166,19 @@ def _cycles(cells: int) -> _Array:
     return np.concatenate([slowest, np.arange(8.0, cells / 4.0, 0.5)])
 
 
-def _likelihood(parts: _Array, design: _Array, *, curved: bool) -> tuple[float, int]:
-    """Return the largest log likelihood, up to a constant, and the curve that it has."""
+@dataclass(frozen=True, slots=True)
+class _Best:
+    """The largest log likelihood, up to a constant, the curve in the library that it has, and the squares of noise."""
+
+    largest: float
+    curve: int
+    levels: _Array
+
+
+def _likelihood(parts: _Array, design: _Array, *, curved: bool) -> _Best:
     library = _library(parts.size + 1)
     levels = np.full(design.shape[1], float(np.square(parts).mean())) / design.mean(axis=0) / design.shape[1]
-    found, best, before = -math.inf, 0, -1
+    found, before = _Best(-math.inf, 0, levels), -1
     for _ in range(_ROUNDS):
         left, place = _without(parts, 1.0 / (design @ levels), library, curved=curved)
         squared = np.square(left)
@@ -144,13 +187,13 @@ def _likelihood(parts: _Array, design: _Array, *, curved: bool) -> tuple[float, 
             levels = levels * ((squared / np.square(power)) @ design) / ((1.0 / power) @ design)
         power = design @ levels
         now = -0.5 * float((np.log(power) + squared / power).sum())
-        settled = place == before and now - found < _SETTLED
-        if now > found:
-            found, best = now, place
+        settled = place == before and now - found.largest < _SETTLED
+        if now > found.largest:
+            found = _Best(now, place, levels)
         if settled:
             break
         before = place
-    return found, best
+    return found
 
 
 def _without(parts: _Array, weight: _Array, library: _Library, *, curved: bool) -> tuple[_Array, int]:
@@ -175,10 +218,41 @@ def _without(parts: _Array, weight: _Array, library: _Library, *, curved: bool) 
     return np.asarray(bare - curve, dtype=np.float64), best
 
 
-def _described(best: int, duration: float) -> str:
-    if best < _WARM_UPS.size:
-        return f"a settling with a time constant near {roughly(_WARM_UPS[best] * duration)} s"
-    return f"an oscillation with a period near {roughly(duration / float(_cycles(_CELLS)[best - _WARM_UPS.size]))} s"
+def _shape(curve: int, means: _Array) -> float:
+    """Return the time constant of a curve of the library in cells, negative, or its period in cells.
+
+    It is the one between its neighbours in the library that leaves least of the averages over cells.
+    """
+    cycles = _cycles(means.size)
+    all_shapes = np.concatenate([-_WARM_UPS, 1.0 / cycles]) * means.size
+    kind = all_shapes[: _WARM_UPS.size] if curve < _WARM_UPS.size else all_shapes[_WARM_UPS.size :]
+    place = curve if curve < _WARM_UPS.size else curve - _WARM_UPS.size
+    low, best, high = float(kind[max(0, place - 1)]), float(kind[place]), float(kind[min(place + 1, kind.size - 1)])
+    for _ in range(_NARROWINGS):
+        tried = np.concatenate([np.geomspace(low, best, _TRIED), np.geomspace(best, high, _TRIED)[1:]])
+        least = int(np.argmin([_left(means, each) for each in tried.tolist()]))
+        low, best, high = (float(tried[min(max(each, 0), tried.size - 1)]) for each in (least - 1, least, least + 1))
+    return best
+
+
+def _left(means: _Array, shape: float) -> float:
+    """Return the sum of squares that a curve of this shape leaves of averages over cells."""
+    design = _design(np.arange(0.5, means.size), shape, means.size)
+    shares = np.linalg.lstsq(design.T, means, rcond=None)[0]
+    return float(np.square(means - shares @ design).sum())
+
+
+def _design(time: _Array, shape: float, span: float) -> _Array:
+    """Return a curve in two parts, of which a warm-up has one, a mean and a line over time: shape (4, k)."""
+    angle = 2.0 * np.pi / shape * time
+    curve = [np.exp(time / shape), np.zeros_like(time)] if shape < 0.0 else [np.cos(angle), np.sin(angle)]
+    return np.stack([*curve, np.ones_like(time), time / span - 0.5])
+
+
+def _described(shape: float) -> str:
+    if shape < 0.0:
+        return f"a settling with a time constant near {roughly(-shape)} s"
+    return f"an oscillation with a period near {roughly(shape)} s"
 
 
 def roughly(number: float) -> str:

@@ -20,7 +20,7 @@ from hil.analysis.allan.results import AllanCurve, NoiseModel
 from hil.analysis.allan.rolloff import Filter, rolloff
 from hil.analysis.tracing import traced
 from hil.model.errors import Refused
-from hil.model.figure import Figure, FigureStatus
+from hil.model.figure import Figure, FigureStatus, effective_dof
 
 __all__ = ["characterise"]
 
@@ -35,6 +35,7 @@ _BENT = 20.0  # gain of a curve with which a line is not measured any more: one 
 _NO_NOISE = 1e-13  # of the largest sample: what rounding leaves of a straight line
 _WELL_KNOWN_DOF = 10.0  # of a deviation that may be the smallest: averaging times up to about an eighth of the record
 _SQUARES = tuple(allan_fit.TERMS)
+_FAST = (0, 1)  # of these: what the shortest averaging times show
 
 
 @traced
@@ -103,9 +104,13 @@ def characterise(
     slowly = slow(values, rate) if max(found.squares[2:]) > 0.0 or slope else None
     ramp = _Ramp.of(found, slope * rate, curve)
     corner = shown.corner if shown else bandwidth
+    fast = found
+    if slowly is not None and slowly.curve:
+        rest = deviation(slowly.rest(values), rate, holes=holes)
+        fast = allan_fit.fit(_points(rest, start, int(usable[-1]) + 1))
     if scale == 1.0:
-        return _model(curve, found, start, corner, ramp, slowly)
-    return _model(curve.scaled(1.0 / scale), found, start, corner, ramp, slowly).scaled(scale)
+        return _model(curve, found, fast, start, corner, ramp, slowly)
+    return _model(curve.scaled(1.0 / scale), found, fast, start, corner, ramp, slowly).scaled(scale)
 
 
 def _too_few(usable: int, all_times: int, shown: Filter | None) -> str:
@@ -183,12 +188,20 @@ class _Ramp:
 
 
 def _model(
-    curve: AllanCurve, found: allan_fit.Fit, start: int, corner: float | None, ramp: _Ramp, slowly: Slow | None
+    curve: AllanCurve,
+    found: allan_fit.Fit,
+    fast: allan_fit.Fit,
+    start: int,
+    corner: float | None,
+    ramp: _Ramp,
+    slowly: Slow | None,
 ) -> NoiseModel:
+    """Return the model; quantisation and white noise are those of `fast`, the fit without a curve that was found."""
     rejected = not _WORST_TAIL <= found.tail <= 1.0 - _WORST_TAIL
     doubted = _doubted(slowly)
+    left = dict.fromkeys(_SQUARES, 0.0) | {"random_walk": slowly.open if slowly else 0.0}
     figures = {
-        name: _figure(found, term, unit, rejected, name in doubted)
+        name: _figure(fast if term in _FAST else found, term, unit, rejected, name in doubted, left[name])
         for term, (name, unit) in enumerate(zip(_SQUARES, _units(curve.unit), strict=False))
     }
     figures["ramp"] = ramp.figure(_units(curve.unit)[-1], doubted=slowly is not None and slowly.gain > _BENT)
@@ -247,16 +260,19 @@ def _remarks(
         yield "a warm-up or an oscillation with flicker explains the record as well: random walk is a bound"
 
 
-def _figure(found: allan_fit.Fit, term: int, unit: str, rejected: bool, doubted: bool) -> Figure:
+def _figure(found: allan_fit.Fit, term: int, unit: str, rejected: bool, doubted: bool, left: float) -> Figure:
+    """Return a coefficient; it lies up to `left` off for a reason that no scatter shows, evenly spread (GUM 4.3.7)."""
     square, uncertainty = float(found.offered[term]), math.sqrt(float(found.covariance[term, term]))
     if rejected:
         return Figure(value=math.sqrt(max(0.0, float(found.squares[term]))), unit=unit, status=_REJECTED)
     status = FigureStatus.MEASURED
-    if doubted or not (found.squares[term] > 0.0 and square >= _KNOWN * uncertainty):
-        square, status = float(found.bound[term]), FigureStatus.UPPER_LIMIT
+    wider = math.hypot(uncertainty, 2.0 * math.sqrt(max(0.0, square)) * left / math.sqrt(3.0))
+    if doubted or not (found.squares[term] > 0.0 and square >= _KNOWN * wider):
+        square, status, left = float(found.bound[term]), FigureStatus.UPPER_LIMIT, 0.0
     value = math.sqrt(square)
-    dof = 2.0 * (square / uncertainty) ** 2
-    return Figure(value=value, unit=unit, uncertainty=uncertainty / (2.0 * value), dof=dof, status=status)
+    parts = [((uncertainty / (2.0 * value)) ** 2, 2.0 * (square / uncertainty) ** 2), (left**2 / 3.0, math.inf)]
+    spread = math.sqrt(sum(variance for variance, _ in parts))
+    return Figure(value=value, unit=unit, uncertainty=spread, dof=effective_dof(parts), status=status)
 
 
 def _units(unit: str) -> tuple[str, ...]:
