@@ -114,7 +114,7 @@ def spikes(channel: str, values: _Array) -> Gate:
         if means.size < (_ENOUGH if width == 1 else 4 * _ENOUGH):
             break
         count = means.size - 2
-        scatter = max(robust(means), 0.5 * step / width)
+        scatter = max(robust(means, step if width == 1 else 0.0), 0.5 * step / width)
         if not scatter > 0.0:
             continue
         limit = math.sqrt(2.0 * math.log(means.size / _BY_CHANCE))
@@ -161,12 +161,22 @@ def averaged(values: _Array, width: int) -> _Array:
     return means
 
 
-def robust(values: _Array) -> float:
-    """Return the robust scatter of samples from the mean of their neighbours; of many, some are looked at."""
+def robust(values: _Array, step: float = 0.0) -> float:
+    """Return the robust scatter of samples from the mean of their neighbours; of many, some are looked at.
+
+    With a step between two readings these differences come in halves of it, and so would their median: it is then that
+    of differences spread evenly over each half step.
+    """
     every = max(1, (values.size - 2) // 100_000)
     looked = values[1:-1:every] - 0.5 * (values[:-2:every] + values[2::every])
-    looked = looked[np.isfinite(looked)]
-    return 1.4826 * float(np.median(np.abs(looked))) if looked.size else 0.0
+    looked = np.abs(looked[np.isfinite(looked)])
+    if not looked.size:
+        return 0.0
+    middle, half = float(np.median(looked)), 0.25 * step
+    at = float(np.mean(np.abs(looked - middle) <= half)) if half and middle > half else 0.0
+    if at:
+        middle += half * (1.0 - 2.0 * float(np.mean(looked < middle - half))) / at - half
+    return 1.4826 * middle
 
 
 def _standing_out(values: _Array, limit: float) -> tuple[NDArray[np.intp], _Array]:

@@ -81,11 +81,11 @@ def _rate(report: SamplingReport, facts: Facts) -> Gate:
 def aliased(rate: float, facts: Facts) -> Gate:
     """Trip where the sensor lets frequencies above half of the sampling rate through: their noise adds to the density.
 
-    White noise rises by sqrt(2 bandwidth / rate).
+    White noise rises by sqrt(2 bandwidth / rate): by less than 1 % where the bandwidth is half of the nominal rate.
     """
     if facts.bandwidth is None:
         return Gate(name="aliased", channel="", ok=None, reason="the sensor's bandwidth is not known")
-    if facts.bandwidth <= rate / 2.0:
+    if facts.bandwidth <= rate / 2.0 * (1.0 + _OFF):
         reason = f"the bandwidth, {facts.bandwidth:g} Hz, is within half of the rate, {rate:.4g} Hz"
         return Gate(name="aliased", channel="", ok=True, reason=reason)
     reason = (

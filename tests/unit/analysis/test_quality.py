@@ -10,7 +10,7 @@ import pytest
 from hil.analysis.changes import jumps, steady, wrapped
 from hil.analysis.extremes import resolved, rounding, saturated, spikes
 from hil.analysis.gates import Facts, stuck
-from hil.analysis.quality import density, density_agrees, judge, tripped
+from hil.analysis.quality import aliased, density, density_agrees, judge, tripped
 from hil.model.errors import Refused
 
 LSB = 1.0 / 131.0
@@ -229,6 +229,21 @@ def test_noise_drift_and_motion_are_no_spikes():
     step = noise() + 20.0 * (np.arange(4000) > 2000)
     for values in (noise(100_000), np.cumsum(noise()), np.rint(noise() * 0.7), np.rint(noise()), step, swing):
         assert spikes("x", values).ok is True
+
+
+@pytest.mark.parametrize("counts", [1.4, 1.87, 2.0, 2.07, 3.33, 4.48])
+def test_noise_of_a_few_counts_has_no_spikes(counts):
+    """The median of what comes in whole counts is one of few numbers, up to a fifth off; wherever the mean lies."""
+    for middle in (0.0, 0.25, 0.5):
+        assert spikes("x", np.rint(noise(20_000) * counts + middle)).ok is True
+    assert spikes("x", np.rint(changed([1234], 15.0) * counts)).ok is False
+
+
+@pytest.mark.parametrize(("rate", "ok"), [(20.0, True), (19.99, True), (19.0, False)])
+def test_a_bandwidth_of_half_the_nominal_rate_folds_nothing(rate, ok):
+    """Also where the clocks of sensor and bench differ by as much as the gate of the rate allows."""
+    gate = aliased(rate, Facts(bandwidth=10.0))
+    assert gate.ok is ok
 
 
 @pytest.mark.parametrize("level", [0.5, 1.0, 2.0])

@@ -170,11 +170,13 @@ class SensorPeer(Stateful):
     def write(self, address: int, data: bytes) -> None:
         """Take the register's number and what is written from there on."""
         del address
-        self._acknowledge()
+        self._require_answer()
         if not data:
             return
-        self._pointer = data[0]
         width = self.sheet.width
+        if len(data) > width:  # a pointer alone changes nothing that has to be up to now
+            self._settle()
+        self._pointer = data[0]
         for place in range(1, len(data) + 1 - width, width):
             self._store(self._register(), int.from_bytes(data[place : place + width], "big"))
             self._step()
@@ -231,9 +233,12 @@ class SensorPeer(Stateful):
         self._pointer = self._pointer & bit | self.sheet.follows.get(number, (number + 1) % self.sheet.size)
 
     def _acknowledge(self) -> None:
+        self._require_answer()
+        self._settle()
+
+    def _require_answer(self) -> None:
         if self._ready_ns is None or self._clock.now_ns() < self._ready_ns:
             raise Nack
-        self._settle()
 
     def _power_changed(self) -> None:
         power = self._fitted.power
