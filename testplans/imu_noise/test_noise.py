@@ -117,12 +117,13 @@ class Campaign:
             ):
                 deviation = relative_deviation(figures[first], figures[second])
                 said = f"{self.models[name]}, axis {axis}: {deviation.remark}"
+                unknown = [] if math.isfinite(deviation.relative.value) else [deviation.remark]
                 check(
                     requirement,
                     f"{parameter}_unit_deviation",
                     deviation.relative,
                     of=first,
-                    doubts=doubts,
+                    doubts=[*doubts, *unknown],
                     at=said,
                     headline=headline,
                 )
