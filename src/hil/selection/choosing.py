@@ -155,7 +155,8 @@ class _Selection:
                 self.unproven |= {each.figure.parameter for each in good if each.figure.unproven}
             else:
                 wrong["; ".join(dict.fromkeys(reasons)) or "no package has a figure"].append(member)
-        return tuple(used), [f"{', '.join(members)}: {why}".removeprefix(": ") for why, members in wrong.items()], told
+        every = ["all axes"] if len(asked.criterion.axes) > 1 and len(wrong) == 1 and not used else []
+        return tuple(used), [f"{', '.join(every or its)}: {why}".removeprefix(": ") for why, its in wrong.items()], told
 
     def _of(self, asked: Asked, candidate: Candidate, member: str) -> list[_Found]:
         """Return what packages have of an axis: what a case checked against several limits is one figure."""

@@ -109,7 +109,7 @@ def read_input(folder: Path, wanted: Collection[tuple[str, str]]) -> Input:
     try:
         found = verify(folder)
         if not found.ok:
-            problem = found.problem or found.ledger or "it was interrupted, and is not complete"
+            problem = found.problem or (found.ledger if found.complete else "the run was interrupted")
             return Input(run=found.run or folder.name, problem=f"it does not verify: {problem}")
         told = _told(Package(folder), wanted)
     except (HilError, OSError) as error:
@@ -213,9 +213,10 @@ class _Conditions:
     """At which rate and behind which filter figures of a package were recorded, as its journal tells."""
 
     def __init__(self, package: Package) -> None:
-        self._rates: dict[tuple[str, str], list[float]] = {}
+        self._rates: dict[tuple[str, str, str], list[float]] = {}
         for each in package.of(Recording):
-            self._rates.setdefault((each.case or "", each.name), []).append(each.rate)
+            for instrument in {channel.instrument for channel in each.channels}:
+                self._rates.setdefault((each.case or "", each.name, instrument), []).append(each.rate)
         self._filters = {
             (each.case, each.name.rpartition(".")[0]): each.result
             for each in package.of(Effect)
@@ -225,7 +226,8 @@ class _Conditions:
     def of(self, case: str, check: Check) -> dict[str, object]:
         """Return rate and bandwidth of a check, each where it is told."""
         named = [told.removeprefix(_RECORDING) for told in check.provenance or () if told.startswith(_RECORDING)]
-        rates = [rate for name in named for rate in self._rates.get((case, name.partition(", ")[0]), ())]
+        behind = {(case, name.partition(", ")[0], its) for name in named for its in check.instruments}
+        rates = [rate for key in behind for rate in self._rates.get(key, ())]
         asked = self._filters.get((case, (check.of or "").rpartition(".")[0]))
         bandwidth = asked.get("value") if isinstance(asked, dict) and asked.get("unit") == "Hz" else None
         return {"rate": min(rates, default=None), "bandwidth": None if bandwidth is None else float(bandwidth)}

@@ -14,6 +14,7 @@ __all__ = ["as_html"]
 
 _MISSING = '<span class="missing">not recorded</span>'
 _WIDTH, _HEIGHT, _EDGE = 160.0, 14.0, 4.0  # of the drawing of a value, in its own units
+_FEW = 2  # candidates that are named side by side
 _COMBINED = {"worst": "the worst axis counts", "mean": "the mean of the magnitudes of the axes counts"}
 
 
@@ -82,6 +83,8 @@ def _best(cell: Cell) -> str:
     first = cell.standings[0]
     names = " or ".join(map(escaped, cell.best))
     tied = '<span class="soft">cannot be told apart</span>' if len(cell.best) > 1 else ""
+    if len(cell.best) == len(cell.standings) > _FEW:
+        names, tied = "all alike", f'<span class="soft">{names}: cannot be told apart</span>'
     partly = f'<span class="badge open">{len(cell.standings)} of {of_all} judged</span>' if cell.unjudged else ""
     notes = "".join(f'<span class="told">{escaped(note)}</span>' for note in cell.notes)
     value = escaped(measured(first.value, first.expanded, cell.unit))

@@ -68,7 +68,7 @@ class _Told:
 
 
 def test_rate_and_bandwidth_are_those_of_the_case_that_checked():
-    """The recording is named by the check's provenance, the filter by the role that the axis is of."""
+    """The recording is named by the check's provenance, and of its instruments; the filter by the axis' role."""
     channel = {"name": "x", "unit": "deg/s", "instrument": "bno1", "calibration": "", "uncertainty": None}
     recording = {
         "step": "1", "recording": "001-rest", "name": "rest", "channels": [channel], "duration": 1.0,
@@ -80,6 +80,12 @@ def test_rate_and_bandwidth_are_those_of_the_case_that_checked():
         _Told(
             event_of("recording", case="test_noise", rate=27.0, **recording),
             event_of("recording", case="test_other", rate=5.0, **recording),
+            event_of(
+                "recording",
+                case="test_noise",
+                rate=5.0,
+                **{**recording, "channels": [{**channel, "instrument": "lsm1"}]},
+            ),
             event_of("effect", case="test_noise", name="gyroscope.bno.bandwidth", result=filtered, **asked),
             event_of("effect", case="test_noise", name="gyroscope.lsm.bandwidth", result=None, **asked),
         )

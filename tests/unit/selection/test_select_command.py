@@ -139,8 +139,9 @@ def test_what_cannot_be_done_is_refused(capsys, workspace, arguments, answer):
     assert (code, answer in err) == (4, True)
 
 
-def test_a_damaged_package_does_not_count(capsys, workspace):
-    """It stays in the list, without a digest."""
+def test_a_package_that_is_damaged_or_gone_is_told(capsys, workspace):
+    """The one stays in the list, without a digest; the other is in the ledger of the workspace."""
+    (workspace / "reports/run-SN2-03").rename(workspace / "elsewhere")
     journal = workspace / "reports/run-SN2-02" / JOURNAL
     journal.chmod(0o644)
     journal.write_bytes(journal.read_bytes()[:-1])
@@ -149,3 +150,4 @@ def test_a_damaged_package_does_not_count(capsys, workspace):
     assert (code, document["cells"][0]["best"]) == (1, ["One"])
     (damaged,) = [each for each in document["excluded"] if each["what"] == "the whole package"]
     assert (damaged["run"], damaged["reason"].startswith("it does not verify: ")) == ("run-SN2-02", True)
+    assert "The ledger names runs that are not here, and may have such figures: run-SN2-03" in document["warnings"]

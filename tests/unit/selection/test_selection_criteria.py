@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import pytest
 from selected import criteria
+from workspaces import ROOT
 
 from hil.model.errors import ConfigurationError
+from hil.selection.criteria import load_criteria
 
 _GOOD = """\
 title: Sensors
@@ -69,3 +71,12 @@ def test_one_candidate_is_no_choice(tmp_path):
         criteria(tmp_path, "title: T\ncandidates: {A: {roles: [gyroscope], part: P}}\ncriteria: {}\n")
     assert "2 candidates at least" in str(raised.value)
     assert "needs a criterion" in str(raised.value)
+
+
+def test_the_criteria_of_the_bench_imu_name_its_sensors():
+    """Every instance is in the wiring of the bench, in the role that is compared."""
+    found = load_criteria(ROOT / "testplans/imu_selection.yaml", "testplans/imu_selection.yaml")
+    wiring = (ROOT / "fixtures/benches/imu/bench.yaml").read_text()
+    named = {(role, name) for each in found.candidates for role in each.roles for name in each.instances}
+    assert [pair for pair in sorted(named) if "role: {}, instance: {},".format(*pair) not in wiring] == []
+    assert {each.plan for each in found.criteria} == {"imu_noise", "imu_lamp", "imu_closure"}
