@@ -21,6 +21,7 @@ from hil.documents.text import visible
 
 __all__ = ["Display", "Edge", "Unwritten", "displays", "open_standard_streams", "shown_safely", "write_bytes"]
 
+_MARK = "hil: "
 _PIECE = 512  # a descriptor that is ready takes so much without waiting
 _MOST_WAITING = 16_000_000
 
@@ -34,13 +35,15 @@ class Display(io.TextIOBase):
     Args:
         descriptor: where the text goes; it is duplicated.
         encoding: of the text.
+        wraps: whether lines are wrapped at the width of a terminal.
 
     Attributes:
         lost: whether something could not be written.
     """
 
-    def __init__(self, descriptor: int, encoding: str) -> None:
+    def __init__(self, descriptor: int, encoding: str, *, wraps: bool = False) -> None:
         self._encoding = encoding
+        self._wraps = wraps
         self._waiting = bytearray()
         self._lock = threading.RLock()
         self._descriptor = os.dup(descriptor)
@@ -78,7 +81,7 @@ class Display(io.TextIOBase):
 
     def write(self, text: str) -> int:
         """Take a text and write as much as the reader takes now; what a terminal would obey becomes visible."""
-        self.draw(visible(text))
+        self.draw(_wrapped(visible(text), self) if self._wraps else visible(text))
         return len(text)
 
     def draw(self, text: str) -> int:
@@ -225,14 +228,16 @@ class _Shown:
 
     Args:
         drawn: the stream, on which colours and cursor movements are drawn.
+        wraps: whether lines are wrapped at the width of a terminal.
     """
 
-    def __init__(self, drawn: TextIO) -> None:
+    def __init__(self, drawn: TextIO, *, wraps: bool) -> None:
         self.drawn = drawn
+        self._wraps = wraps
 
     def write(self, text: str) -> int:
         """Write a text; what a terminal would obey becomes visible."""
-        self.drawn.write(visible(text))
+        self.drawn.write(_wrapped(visible(text), self.drawn) if self._wraps else visible(text))
         return len(text)
 
     def writelines(self, lines: Iterable[str]) -> None:
@@ -264,7 +269,7 @@ def shown_safely() -> Iterator[Edge]:
     """Put streams that show every text safely in the place of standard output, which is given, and standard error."""
     before = sys.stdout, sys.stderr
     edges = Edge(before[0], ends=True), Edge(before[1], ends=False)
-    sys.stdout, sys.stderr = (cast("TextIO", _Shown(cast("TextIO", edge))) for edge in edges)
+    sys.stdout, sys.stderr = (cast("TextIO", _Shown(cast("TextIO", edge), wraps=edge is edges[1])) for edge in edges)
     try:
         yield edges[0]
     finally:
@@ -276,7 +281,7 @@ def shown_safely() -> Iterator[Edge]:
 def displays() -> Iterator[tuple[Display, Display]]:
     """Put displays in the place of standard output and standard error."""
     before = sys.stdout, sys.stderr
-    pair = (_on(1, before[0]), _on(2, before[1]))
+    pair = (_on(1, before[0]), _on(2, before[1], wraps=True))
     sys.stdout, sys.stderr = pair
     try:
         yield pair
@@ -303,5 +308,28 @@ def open_standard_streams() -> None:
             stream.reconfigure(errors="backslashreplace")
 
 
-def _on(descriptor: int, stream: object) -> Display:
-    return Display(descriptor, getattr(stream, "encoding", None) or "utf-8")
+def _on(descriptor: int, stream: object, *, wraps: bool = False) -> Display:
+    return Display(descriptor, getattr(stream, "encoding", None) or "utf-8", wraps=wraps)
+
+
+def _wrapped(text: str, stream: object) -> str:
+    """Return whole lines wrapped between words if the stream is a terminal; a file or a pipe has them as they are."""
+    width = _width(cast("TextIO", stream)) if text.endswith("\n") else 0  # a question waits for its answer on its line
+    if width <= 0 or all(len(line) <= width for line in text.splitlines()):
+        return text
+    from hil.report.tables import fitting  # noqa: PLC0415 - only for lines that are too long
+
+    found: list[str] = []
+    for line in text.splitlines():
+        lead = _MARK if line.startswith(_MARK) and len(line) > width else ""
+        pieces = fitting([" " * len(lead) + line[len(lead) :]], width) if len(line) > width else [line]
+        found += [lead + pieces[0][len(lead) :], *pieces[1:]]
+    return "".join(f"{line}\n" for line in found)
+
+
+def _width(stream: TextIO) -> int:
+    """Return how many columns a terminal has, 0 for anything else."""
+    with suppress(OSError, ValueError, AttributeError):
+        if stream.isatty():
+            return int(os.environ.get("COLUMNS") or os.get_terminal_size(stream.fileno()).columns)
+    return 0

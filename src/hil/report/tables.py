@@ -49,6 +49,7 @@ def fitting(lines: Iterable[str], width: int) -> list[str]:
     words = textwrap.TextWrapper(width=width, break_long_words=False, break_on_hyphens=False)
     found: list[str] = []
     for line in lines:
-        words.subsequent_indent = " " * (len(line) - len(line.lstrip()) + 2)
-        found += words.wrap(line) or [""]
+        words.initial_indent = " " * (len(line) - len(line.lstrip()))  # a first word that is too long has it, too
+        words.subsequent_indent = f"{words.initial_indent}  "
+        found += words.wrap(line.lstrip()) or [""]
     return found
