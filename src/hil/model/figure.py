@@ -12,6 +12,8 @@ from hil.model.provenance import BY_ITSELF, TEMPERATURES, TIMES_ZERO, Issued, Pr
 
 __all__ = ["Figure", "FigureStatus", "decoded", "effective_dof", "encoded"]
 
+_DIFFERENCES = frozenset({"K", "kelvin", "delta_degC"})
+
 
 class FigureStatus(StrEnum):
     """What the analysis says of the number it gives."""
@@ -30,7 +32,7 @@ class Figure:
     follow to first order (GUM 5.1.2), degrees of freedom by Welch and Satterthwaite (GUM G.2b). Figures of different
     instruments or units are independent. Those of one instrument in one unit share an unknown part of their errors:
     where these would add up, they are added as fully correlated; where they would cancel, as independent.
-    The difference of two temperatures in degC is in K.
+    The difference of two temperatures in degC is in K, and a temperature in degC may be changed by one in K.
 
     Attributes:
         value: the number, in `unit`; NaN is allowed and never passes a check.
@@ -113,15 +115,16 @@ class Figure:
     def __add__(self, other: Figure | float) -> Figure:
         if not isinstance(other, Figure):
             return self._shifted(other)
-        return self._made(self.value + other.value, self._common(other), [(1.0, self), (1.0, other)])
+        unit = self._changed(other) or other._changed(self) or self._common(other)
+        return self._made(self.value + other.value, unit, [(1.0, self), (1.0, other)])
 
     __radd__ = __add__
 
     def __sub__(self, other: Figure | float) -> Figure:
         if not isinstance(other, Figure):
             return self._shifted(-other)
-        unit = self._common(other)
-        unit = "K" if unit in TEMPERATURES else unit
+        unit = self._changed(other) or self._common(other)
+        unit = "K" if other.unit in TEMPERATURES else unit
         made = self._made(self.value - other.value, unit, [(1.0, self), (-1.0, other)])
         return made.without_reading(BY_ITSELF) if other is self else made
 
@@ -156,6 +159,10 @@ class Figure:
         if self.unit != "1":
             raise ValueError(f"a plain number cannot be added to a figure in {self.unit!r}: give a Figure in that unit")
         return self._made(self.value + constant, self.unit, [(1.0, self)], constant)
+
+    def _changed(self, other: Figure) -> str:
+        """Return the unit of a temperature that a difference is added to or taken off, empty where it is none."""
+        return self.unit if self.unit in TEMPERATURES and other.unit in _DIFFERENCES else ""
 
     def _common(self, other: Figure) -> str:
         if self.unit != other.unit:

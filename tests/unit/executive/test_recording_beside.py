@@ -111,6 +111,10 @@ def test_what_cannot_be_awaited_is_refused(tmp_path):
             test.until("voltage", above=1.0, within=0.0)
         with pytest.raises(Misused, match="not finished"):
             _ = test.recording
+        with pytest.raises(
+            Misused, match=r"no values of its own; after the `with` block take its .recording\['voltage'\]"
+        ):
+            _ = test["voltage"]
         with (
             case.run.record.during("field", case.field, rate=1.0) as field,
             pytest.raises(Misused, match="does not say when"),

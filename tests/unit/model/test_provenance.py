@@ -207,3 +207,18 @@ def test_a_difference_of_temperatures_is_in_kelvin():
     assert (found.value, found.unit) == (pytest.approx(1.97), "K")
     assert found.uncertainty == pytest.approx(math.hypot(0.3, 0.3))
     assert found.provenance.unproven == found.provenance.uncovered == ()
+
+
+@pytest.mark.parametrize("unit", ["K", "delta_degC"])
+def test_a_temperature_is_changed_by_a_difference(unit):
+    """A setpoint above a reading is a temperature, in whatever order it is written; a difference less one is none."""
+    start = Figure(value=20.0, unit="degC", uncertainty=0.3).with_provenance(METER)
+    rise = Figure(value=15.0, unit=unit, uncertainty=0.4)
+    assert [(made.value, made.unit) for made in (start + rise, rise + start, start - rise)] == [
+        (35.0, "degC"), (35.0, "degC"), (5.0, "degC"),
+    ]  # fmt: skip
+    assert (start + rise).uncertainty == pytest.approx(0.5)
+    assert (start + rise).provenance.instruments == start.provenance.instruments
+    for wrong in (lambda: rise - start, lambda: start + VOLTAGE):
+        with pytest.raises(ValueError, match="cannot be added"):
+            wrong()

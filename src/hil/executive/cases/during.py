@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from types import TracebackType
-from typing import TYPE_CHECKING, Protocol, Self
+from typing import TYPE_CHECKING, NoReturn, Protocol, Self
 
 from hil.clock.port import NANOSECONDS
 from hil.documents.suggest import did_you_mean
@@ -67,6 +67,15 @@ class During:
         if self._recording is None:
             raise Misused(f"record '{self._name}' is not finished", "use its recording after the `with` block")
         return self._recording
+
+    def __getitem__(self, channel: str) -> NoReturn:
+        """Say where the values are.
+
+        Raises:
+            Misused: always.
+        """
+        hint = f"after the `with` block take its .recording[{channel!r}], or within it .latest({channel!r})"
+        raise Misused(f"record '{self._name}' runs beside the case, and has no values of its own", hint)
 
     def __enter__(self) -> Self:
         facts = self._taking.facts
