@@ -30,6 +30,13 @@ if TYPE_CHECKING:
     from hil.analysis.gyroscope.readings import Reading, Slow, reading, rippling
     from hil.analysis.gyroscope.self_check import export_disagreements, reproduction
     from hil.analysis.magnetics import direction, odd_response
+    from hil.analysis.magnetometer.calibrate import calibrate_magnetometer
+    from hil.analysis.magnetometer.interchange import (
+        magnetometer_as_c_header,
+        magnetometer_as_json,
+        magnetometer_from_json,
+        sample_disagreement,
+    )
     from hil.analysis.noise.rate_noise import NoiseLevels
     from hil.analysis.noise.sensor import SensorModel, SimulatedSensor, simulate
     from hil.analysis.quality import tripped
@@ -69,6 +76,7 @@ __all__ = [
     "assess",
     "best_average",
     "calibrate",
+    "calibrate_magnetometer",
     "characterise",
     "charge",
     "crossing",
@@ -86,6 +94,9 @@ __all__ = [
     "joule_integral",
     "line_residuals",
     "linearity",
+    "magnetometer_as_c_header",
+    "magnetometer_as_json",
+    "magnetometer_from_json",
     "magnitude",
     "mean",
     "not_observable",
@@ -101,6 +112,7 @@ __all__ = [
     "rest_mean",
     "rippling",
     "rise_time",
+    "sample_disagreement",
     "series",
     "share_known",
     "simulate",
@@ -134,6 +146,13 @@ _MODULES = {
     "gyroscope.readings": ("Reading", "Slow", "reading", "rippling"),
     "gyroscope.self_check": ("export_disagreements", "reproduction"),
     "magnetics": ("direction", "odd_response"),
+    "magnetometer.calibrate": ("calibrate_magnetometer",),
+    "magnetometer.interchange": (
+        "magnetometer_as_c_header",
+        "magnetometer_as_json",
+        "magnetometer_from_json",
+        "sample_disagreement",
+    ),
     "noise.rate_noise": ("NoiseLevels",),
     "noise.sensor": ("SensorModel", "SimulatedSensor", "simulate"),
     "quality": ("tripped",),

@@ -10,9 +10,10 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.analysis.gyroscope.calibration import ALIGNED, CalibratedRate, Calibration, Matrix, Polynomial
+from hil.analysis.gyroscope.calibration import ALIGNED, CalibratedRate, Calibration, Polynomial
 from hil.analysis.gyroscope.fitting import Fit, fit
 from hil.analysis.gyroscope.readings import Reading, Response, Slow, responses
+from hil.analysis.interchange import Matrix
 from hil.analysis.tracing import traced
 from hil.model.errors import Refused
 from hil.model.figure import Figure, effective_dof

@@ -10,11 +10,12 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hil.analysis.interchange import Matrix
 from hil.analysis.tracing import traced
 from hil.model.errors import Refused
 from hil.model.figure import Figure, FigureStatus, effective_dof
 
-__all__ = ["ALIGNED", "CalibratedRate", "Calibration", "Matrix", "Polynomial"]
+__all__ = ["ALIGNED", "CalibratedRate", "Calibration", "Polynomial"]
 
 _Array: TypeAlias = NDArray[np.float64]
 
@@ -94,8 +95,6 @@ class Polynomial:
             result = result * (temperature - self.reference) + coefficient
         return result
 
-
-Matrix: TypeAlias = tuple[tuple[float, ...], ...]
 
 ALIGNED: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 """The alignment of axes whose misalignment was not measured."""

@@ -1,0 +1,177 @@
+"""A magnetometer's calibration for others: JSON with a fingerprint, C for a flight computer, and its self-check."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hil.analysis import interchange
+from hil.analysis.magnetometer.calibrate import MagnetometerReport
+from hil.analysis.magnetometer.calibration import AXES, IDENTIFIABLE, Calibration
+from hil.analysis.magnetometer.geometry import lengths
+from hil.analysis.tracing import traced
+from hil.model.errors import Refused
+
+__all__ = [
+    "FORMAT",
+    "as_document",
+    "magnetometer_as_c_header",
+    "magnetometer_as_json",
+    "magnetometer_from_json",
+    "sample_disagreement",
+]
+
+FORMAT = "hil/magnetometer-calibration/1"
+"""What the document's `schema` says."""
+
+_PRINTED = 1e-6  # of the field: what nine printed digits may change, with room
+
+
+def as_document(calibration: Calibration) -> dict[str, object]:
+    """Return the calibration as plain data, its numbers with 9 significant digits, and its fingerprint.
+
+    Raises:
+        Refused: a calibration that its readings do not show.
+    """
+    if not calibration.observable:
+        raise Refused("the readings do not show this calibration, so it is not exported", "measure more attitudes")
+    exported = _printed(calibration)
+    return interchange.sealed(
+        {
+            "schema": FORMAT,
+            "model": "field = matrix * (measured - bias)",
+            "unit": exported.unit,
+            "axes": list(AXES),
+            "bias": list(exported.bias),
+            "matrix": interchange.rows(exported.matrix),
+            "field": exported.field,
+            "absolute": exported.absolute,
+            "covariance": interchange.rows(exported.covariance),
+            "covariance_of": ["bias x, y, z", "matrix xx, yy, zz, xy, xz, yz", "field"],
+            "dof": interchange.finite(exported.dof),
+            "method": exported.method,
+            "shape": exported.shape,
+            "identifiability": IDENTIFIABLE,
+        }
+    )
+
+
+def _printed(calibration: Calibration) -> Calibration:
+    return replace(
+        calibration,
+        bias=tuple(map(interchange.short, calibration.bias)),
+        matrix=tuple(tuple(map(interchange.short, row)) for row in calibration.matrix),
+        field=interchange.short(calibration.field),
+    )
+
+
+@traced
+def magnetometer_as_json(calibration: Calibration) -> str:
+    """Return the calibration as JSON text, the same for the same calibration.
+
+    Raises:
+        Refused: a calibration that its readings do not show.
+    """
+    return interchange.as_text(as_document(calibration))
+
+
+@traced
+def magnetometer_from_json(text: str) -> Calibration:
+    """Return the calibration that a JSON text holds.
+
+    Raises:
+        Refused: text that is not such a document, or was changed after it was exported.
+    """
+    return interchange.opened(interchange.parsed(text), FORMAT, _calibration)
+
+
+def _calibration(document: Mapping[str, object]) -> Calibration:
+    covariance = document["covariance"]
+    (bias,) = interchange.matrix([document["bias"]])
+    return Calibration(
+        unit=str(document["unit"]),
+        bias=bias,
+        matrix=interchange.matrix(document["matrix"]),
+        field=interchange.number(document["field"]),
+        absolute=bool(document["absolute"]),
+        covariance=None if covariance is None else interchange.matrix(covariance),
+        dof=interchange.dof(document["dof"]),
+        method=str(document["method"]),
+        shape=str(document["shape"]),
+        observable=True,
+    )
+
+
+_FORM = """\
+/* Magnetometer calibration, generated; do not edit.
+ *
+ * field[i] = sum over j of magnetometer_matrix[i][j] * (measured[j] - magnetometer_bias[j])
+ *
+ * measured, bias and field in {unit}, matrix without a unit; axes {axes} of the sensor.
+ * {scale}
+ * A rotation of the sensor against the body is not part of it: magnitudes do not show one.
+ */
+#ifndef MAGNETOMETER_CALIBRATION_H
+#define MAGNETOMETER_CALIBRATION_H
+
+#define MAGNETOMETER_UNIT "{unit}"
+#define MAGNETOMETER_FINGERPRINT "{fingerprint}"
+#define MAGNETOMETER_FIELD {field}
+
+static const double magnetometer_bias[3] = {{{bias}}};
+static const double magnetometer_matrix[3][3] = {{
+{matrix}
+}};
+
+#endif
+"""
+
+
+@traced
+def magnetometer_as_c_header(calibration: Calibration) -> str:
+    """Return a C99 header with the numbers that the JSON export prints, and its fingerprint.
+
+    Raises:
+        Refused: a calibration that its readings do not show, or a unit that does not fit into C.
+    """
+    interchange.printable((calibration.unit,))
+    fingerprint = as_document(calibration)["fingerprint"]
+    exported = _printed(calibration)
+    scale = "The magnitude of the field was known: MAGNETOMETER_FIELD is its mean."
+    if not exported.absolute:
+        scale = "The scale is not known: the matrix has determinant 1, and MAGNETOMETER_FIELD is what it gives."
+    return _FORM.format(
+        unit=exported.unit,
+        axes=", ".join(AXES),
+        scale=scale,
+        fingerprint=fingerprint,
+        field=interchange.literal(exported.field),
+        bias=", ".join(map(interchange.literal, exported.bias)),
+        matrix=interchange.labelled_rows(AXES, exported.matrix),
+    )
+
+
+@traced
+def sample_disagreement(
+    exported: Calibration, report: MagnetometerReport, readings: ArrayLike, field: ArrayLike | None = None
+) -> str:
+    """Return how a calibration, as exported and read back, misses the readings that it was made from; empty if not.
+
+    It has to give every reading the residual of the report, within a millionth of the field.
+
+    Args:
+        exported: as `magnetometer_from_json` returns it.
+        report: of the same readings.
+        readings: shape (n, 3).
+        field: as it was given to the fit.
+    """
+    known = exported.field if field is None else np.asarray(field, dtype=np.float64)
+    apart = np.abs(lengths(exported.correct(readings)) - known - report.residual)
+    worst = int(np.argmax(apart))
+    if apart[worst] <= _PRINTED * exported.field:
+        return ""
+    told = f"the exported calibration gives reading {worst + 1} a residual of {report.residual[worst]:.5g}"
+    return f"{told} in the report, but differs from it by {apart[worst]:.3g} {exported.unit}"
