@@ -7,6 +7,7 @@ import io
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Annotated
 
 from hil.documents.declared import Document, read_document
 from hil.documents.findings import Findings
@@ -14,11 +15,12 @@ from hil.documents.node import Place
 from hil.documents.suggest import did_you_mean
 from hil.documents.text import decoded, read_bytes
 from hil.model.errors import Refused
-from hil.model.notation import AnyText, Text
+from hil.model.notation import AnyText, Text, matching
 
 __all__ = ["Job", "OneFormula", "Sheet", "SheetCell", "Source", "Statement", "read_job", "read_sheets"]
 
 _SCHEMA = "hil/published-tables/1"
+_DIGITS = matching("(exact|[1-9]|1[0-5])?", 'a number of digits such as "5", or exact')
 _BLANK = frozenset({"", "-", "--", "\u2013", "\u2014", "n/a", "N/A"})
 
 
@@ -56,7 +58,7 @@ class Source:
     name: AnyText = ""
     split: AnyText = ""
     rows: tuple[Text, ...] = ()
-    digits: AnyText = ""
+    digits: Annotated[str, _DIGITS] = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -117,6 +117,25 @@ def test_a_cell_that_cannot_be_recomputed_is_no_success(tmp_path):
     assert "has no number in row x, column v" in " ".join(found.stdout.split())
 
 
+def test_rows_may_have_two_names_and_numbers_their_digits(tmp_path):
+    """A row is named by device and axis; five digits make 2.5 differ from what follows, and a count is exact."""
+    job, _, _ = written(
+        tmp_path,
+        job_yaml="""schema: hil/published-tables/1
+tables:
+- {name: p, file: p.csv, rows: [device, axis], digits: "5"}
+- {name: q, file: q.csv, rows: [device, axis], digits: exact}
+checks:
+- {published: p, from: {a: q}, formula: a/4}
+""",
+        p_csv="device,axis,v\nA,x,2.5\nA,y,0.75\n",
+        q_csv="axis,device,v\nx,A,10.001\ny,A,3\n",
+    )
+    found = run(job, "--all")
+    assert "A x  v           2.5  2.50025" in found.stdout
+    assert "2 cells: 1 follow, 1 do not" in found.stdout
+
+
 JOB = """schema: hil/published-tables/1
 tables:
 - {file: all.csv, split: table}
@@ -151,6 +170,7 @@ def job(old="FORMULA", new="a"):
         (job(), "table,v,v\n" + ALL, r"all.csv:1:9: two columns are called 'v'"),
         (job(), "table,k,v\n", r"all.csv: a table has a line of names"),
         (job("formula", "formulla"), ALL, r"job.yaml:5:\d+: unknown key 'formulla', did you mean 'formula'"),
+        (job("split: table", 'digits: "20"'), ALL, r"job.yaml:3:\d+: .*'digits' must be a number of digits"),
         (job("all.csv", "none.csv"), ALL, r"none.csv: the file is missing"),
     ],
 )

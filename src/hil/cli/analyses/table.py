@@ -129,9 +129,15 @@ class _Tables:
 
     def _printed(self, sheet: Sheet, source: Source) -> PrintedTable:
         """Read the numbers; a column with more words than numbers is one of remarks."""
-        from hil.analysis.published.printed import NotANumber, Printed, PrintedTable, as_printed  # noqa: PLC0415
+        from hil.analysis.published.printed import (  # noqa: PLC0415 - start-up stays light
+            EXACT,
+            NotANumber,
+            Printed,
+            PrintedTable,
+            as_printed,
+        )
 
-        digits = _digits(source)
+        digits = EXACT if source.digits == "exact" else int(source.digits) if source.digits else None
         cells: dict[tuple[str, str], Printed] = {}
         for column in sheet.columns:
             numbers, words = {}, []
@@ -146,16 +152,6 @@ class _Tables:
                 for cell in words:
                     self.findings.add(cell.place, f"'{cell.text}' is not a number: correct it, or leave the cell blank")
         return PrintedTable(name=sheet.name, rows=sheet.rows, columns=sheet.columns, cells=cells)
-
-
-def _digits(source: Source) -> int | None:
-    from hil.analysis.published.printed import EXACT  # noqa: PLC0415 - start-up stays light
-
-    if source.digits in {"", "exact"}:
-        return EXACT if source.digits else None
-    if not source.digits.isdecimal() or not 1 <= int(source.digits) <= 15:
-        raise Refused(f"{source.file}: digits '{source.digits}' is not possible", 'write "1" to "15", or exact')
-    return int(source.digits)
 
 
 def _checked(number: int, statement: Statement, tables: _Tables, document: Document[Job] | None) -> CheckedTable | None:
