@@ -115,14 +115,12 @@ class Excluded(msgspec.Struct, frozen=True, kw_only=True, order=True):
         what: what of it: `the whole package`, or parameter and axis.
         reason: why, a sentence without its full stop.
         candidate: whose figure it is, empty for a whole package.
-        count: of how many figures this is said.
     """
 
     run: str
     what: str
     reason: str
     candidate: str = ""
-    count: int = 1
 
 
 class Package(msgspec.Struct, frozen=True, kw_only=True):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import groupby
 from pathlib import Path
 
@@ -180,11 +180,19 @@ def _excluded(excluded: Sequence[Excluded]) -> Iterator[str]:
     )
     ordered = sorted(excluded, key=lambda each: (each.run, each.candidate, each.reason, each.what))
     for (run, candidate, reason), group in groupby(ordered, key=lambda each: (each.run, each.candidate, each.reason)):
-        what = ", ".join(each.what for each in group)
+        what = _listed(each.what for each in group)
         cells = (("Candidate", candidate), ("What", what), ("Why", reason))
         inner = "".join(f'<td data-name="{name}">{escaped(text)}</td>' for name, text in cells)
         yield f'<tr><th scope="row">{escaped(run)}</th>{inner}</tr>\n'
     yield "</tbody></table>\n"
+
+
+def _listed(whats: Iterable[str]) -> str:
+    """Return parameters and axes in a line, each parameter once."""
+    axes: dict[str, list[str]] = {}
+    for parameter, _, axis in (each.partition(" of ") for each in whats):
+        axes.setdefault(parameter, []).append(axis)
+    return "; ".join(f"{name} of {', '.join(its)}".removesuffix(" of ") for name, its in axes.items())
 
 
 def _packages(document: Document) -> Iterator[str]:
@@ -211,8 +219,8 @@ def _method(document: Document) -> str:
         "<p>The smallest magnitude is the best. Who cannot be told apart from another at "
         f"{100.0 * document.confidence:g} % shares its places. The probability to be the best is that among the "
         "candidates that were judged, by Student's distributions of all figures, taken as independent. Overall is the "
-        "share of the weights that a candidate wins by these probabilities; the range beside it reaches from all to "
-        "none of those that were not judged being better.</p>\n"
+        "share of the weights that a candidate wins by these probabilities. The range beside it is what it "
+        "wins if all of those that were not judged are better than it, and if none is.</p>\n"
         f"<p>hil {escaped(document.version)}. Equal packages and criteria give this page byte for byte.</p>\n"
     )
 
