@@ -17,6 +17,8 @@ from typed_events import event_of
 from hil.evidence.folder import JOURNAL, RECORDINGS, RESERVE, RESULTS, TORN, create, hold
 from hil.evidence.journal.reader import cut_torn_tail, read_journal
 from hil.evidence.journal.writer import Journal
+from hil.evidence.ledger.book import read
+from hil.evidence.ledger.entries import Sealed
 from hil.evidence.package.contents import Package
 from hil.evidence.package.sealing import recover, seal
 from hil.evidence.package.verification import State, verify
@@ -166,6 +168,26 @@ def test_a_real_full_disk_can_be_written_an_end_on(small_disk):
     seal(folder, journal, exit_code=1, write_reports=write_report)
     verification = verify(folder)
     assert (verification.state, verification.complete, verification.verdict) == (State.SEALED, False, "ABORTED")
+
+
+@pytest.mark.system
+@pytest.mark.parametrize("pages", [0, 1, 2, 3, 40])
+def test_a_real_disk_with_little_space_is_full_and_nothing_worse(small_disk, pages):
+    """HDF5 that found no space for its last page ended the process, or was a traceback; every row is still there."""
+    folder = create(small_disk, bench="b", dut="d")
+    with begin(folder) as journal:
+        whole_case(folder, journal)
+    (folder / RESERVE).unlink()
+    somebody = small_disk / "somebody"
+    with somebody.open("wb") as stream:
+        os.posix_fallocate(stream.fileno(), 0, shutil.disk_usage(small_disk).free - pages * 4096)
+    with pytest.raises(EvidenceError, match="cannot be sealed: disk full") as full:
+        recover(folder, write_reports=write_report)
+    assert full.value.hint.startswith("nothing is lost; free some space")
+    somebody.unlink()
+    recover(folder, write_reports=write_report)
+    assert verify(folder).findings == ()
+    assert len(read(small_disk).of(Sealed)) == 1
 
 
 def seventy(tmp_path):

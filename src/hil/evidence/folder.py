@@ -202,7 +202,10 @@ def _opened(folder: Path) -> int:
     try:
         return os.open(folder, os.O_RDONLY | getattr(os, "O_DIRECTORY", 0))
     except (OSError, ValueError) as error:
-        raise EvidenceError(f"{folder}: cannot be opened: {error}", "name a folder of reports/") from error
+        why = getattr(error, "strerror", None) or error
+        raise EvidenceError(
+            f"{folder}: cannot be opened: {why}", "name a folder of reports/ that you may read"
+        ) from error
 
 
 def _safe(text: str) -> str:

@@ -33,7 +33,8 @@ _KEPT = 1 << 14
 """How many fingerprints are remembered."""
 
 _ID = matching(
-    "[A-Z][A-Z0-9]*(-[A-Z0-9]+)*-[0-9]{2,5}", "an id such as ADCS-GYR-010: capitals, and a number at its end"
+    "(?=.{1,64}$)[A-Z][A-Z0-9]*(-[A-Z0-9]+)*-[0-9]{2,5}",
+    "an id such as ADCS-GYR-010: capitals, and a number at its end, at most 64 characters",
 )
 _NAME = matching("[A-Za-z_][A-Za-z0-9_]*", "letters, digits and '_', beginning with a letter or '_'")
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import re
 
 import pytest
@@ -61,3 +63,16 @@ def test_one_process_holds_a_folder(tmp_path):
     with pytest.raises(EvidenceError, match="cannot be opened"):
         is_held(tmp_path / "missing")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_that_nobody_may_open_is_told_by_name_and_reason(tmp_path, monkeypatch):
+    """Whoever runs the tests may open anything, so the system refuses by a test's own word."""
+
+    def refuse(path, *_):
+        raise PermissionError(errno.EACCES, "Permission denied", str(path))
+
+    monkeypatch.setattr(os, "open", refuse)
+    with pytest.raises(EvidenceError) as told:
+        is_held(tmp_path)
+    assert told.value.message == f"{tmp_path}: cannot be opened: Permission denied"
+    assert told.value.hint == "name a folder of reports/ that you may read"

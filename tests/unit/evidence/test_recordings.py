@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
+import os
 
 import h5py
 import numpy as np
@@ -49,12 +51,29 @@ def test_hdf5_holds_what_the_rows_held(tmp_path):
 
 
 @pytest.mark.parametrize("rows", [0, 1, BLOCK + 5])
-def test_any_number_of_rows_is_converted(tmp_path, rows):
-    """No row, one row, and more than a block give back their hash."""
+def test_any_number_of_rows_is_converted(tmp_path, monkeypatch, rows):
+    """No row, one row, and more than a block give back their hash; the disk was asked for more than they take."""
+    asked = []
+    monkeypatch.setattr(os, "posix_fallocate", lambda _, start, size: asked.append(start + size), raising=False)
     place, begun, ended = ended_recording(tmp_path, rows)
     convert(place / "001-rest.rows", place / "001-rest.h5", begun=begun, ended=ended)
     assert hashes_of(place / "001-rest.h5", [rows]) == [(rows, ended.sha256)]
     assert len(read_hdf5(place / "001-rest.h5")["x"]) == rows
+    assert asked == [64_000 + 2 * (8 * 16_384 + 16_000 + 8 * rows)]
+    assert asked[0] > (place / "001-rest.h5").stat().st_size
+
+
+def test_what_a_disk_refuses_is_told_by_its_number(tmp_path, monkeypatch):
+    """h5py knows a disk's error as a sentence only, where it closes a file."""
+    place, begun, ended = ended_recording(tmp_path)
+
+    def refuse(*_):
+        raise RuntimeError("Disable slist on flush dest failure failed (file write failed: errno = 28, error message")
+
+    monkeypatch.setattr("hil.evidence.recordings.hdf5.describe", refuse)
+    with pytest.raises(OSError, match="No space left on device") as full:
+        convert(place / "001-rest.rows", place / "001-rest.h5", begun=begun, ended=ended)
+    assert full.value.errno == errno.ENOSPC
 
 
 def test_the_same_rows_give_the_same_bytes(tmp_path):

@@ -93,6 +93,8 @@ def guarded(look: Callable[[], Iterator[Finding]], path: str = "data") -> Iterat
         yield from look()
     except DamagedFile as error:
         yield error.finding
+    except OSError as error:
+        yield Finding(path, 0, 0, f"cannot be checked: {error.strerror or error}")
     except Exception as error:  # noqa: BLE001 - the content decides what goes wrong in reading it
         what = error.message if isinstance(error, HilError) else f"{type(error).__name__}: {error}"
         yield Finding(path, 0, 0, f"cannot be checked: {what}")
