@@ -21,7 +21,7 @@ def characterised(samples, rested):
     """Return the coefficients of an axis by parameter, its Allan model, and why they cannot be trusted.
 
     Of a record in which samples are no numbers (at a rail, or marked invalid), nothing is concluded, and there is no
-    model. The agreement is that of the white noise of the spectrum with that of the Allan deviation, minus 1; both are
+    model. The agreement is the deviation of the spectrum's white noise from that of the Allan deviation. Both are
     two-sided, as IEEE Std 952 has them, while the density of the spectrum is one-sided.
     """
     unit, doubts = rested.unit, list(rested.doubts)
@@ -30,14 +30,14 @@ def characterised(samples, rested):
         units = {"white_noise": white, "flicker": unit, "random_walk": walk, "psd_agreement": "1"}
         return {name: not_observable(each) for name, each in units.items()}, None, doubts
     model = characterise(samples, rested.rate, unit, bandwidth=rested.filtered)
-    compared = agreement(psd(samples, rested.rate, unit, bandwidth=rested.filtered), model)
+    spectrum = psd(samples, rested.rate, unit, bandwidth=rested.filtered)
     figures = {
         "white_noise": model.white,
         "flicker": model.flicker,
         "random_walk": model.random_walk,
-        "psd_agreement": compared.white - 1.0,
+        "psd_agreement": relative_deviation(model.white, spectrum.white).relative,
     }
-    return figures, model, [*doubts, *compared.doubts()]
+    return figures, model, [*doubts, *agreement(spectrum, model).doubts()]
 
 
 class Campaign:

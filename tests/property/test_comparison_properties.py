@@ -30,7 +30,7 @@ def test_significance_has_neither_side_nor_unit(one, other, scale):
     assert there.significant == back.significant
     assert there.probability == pytest.approx(back.probability, rel=1e-9)
     assert scaled.probability == pytest.approx(there.probability, rel=1e-6, abs=1e-12)
-    assert scaled.relative.value == pytest.approx(there.relative.value, rel=1e-9, nan_ok=True)
+    assert scaled.relative.value == pytest.approx(there.relative.value, rel=1e-9, abs=1e-9, nan_ok=True)
 
 
 @steady

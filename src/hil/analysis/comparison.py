@@ -18,6 +18,7 @@ from hil.model.figure import Figure, FigureStatus, effective_dof
 __all__ = ["Deviation", "Place", "Ranking", "rank", "relative_deviation"]
 
 _CONFIDENCE = 0.95
+_DECIMALS = 10  # of a deviation: what follows is rounding of the two figures, which cancels differently every time
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,7 +63,7 @@ def relative_deviation(first: Figure, second: Figure, *, confidence: float = _CO
         return Deviation(
             relative=_nowhere(), probability=math.nan, significant=False, remark=f"the {whose} figure is {poor}"
         )
-    relative = (second.value - first.value) / abs(first.value) if first.value else math.nan
+    relative = round((second.value - first.value) / abs(first.value), _DECIMALS) if first.value else math.nan
     if first.uncertainty is None or second.uncertainty is None:
         found = Figure(value=relative, unit="1") if first.value else _nowhere()
         remark = "whether the figures differ cannot be said: an uncertainty is not known"

@@ -35,6 +35,13 @@ def test_a_negative_first_figure_keeps_the_sense_of_the_difference():
     assert relative_deviation(volts(-2.0), volts(-3.0)).relative.value == pytest.approx(-0.5)
 
 
+def test_a_deviation_does_not_show_how_its_figures_were_rounded():
+    """The last digits of a sum depend on the order of its parts, and stand first in a small difference."""
+    first, second = volts(0.1 + 0.2), volts(0.3 * 1.001)
+    found, again = (relative_deviation(each, second).relative.value for each in (first, volts(0.3)))
+    assert found == again == 0.001
+
+
 def test_degrees_of_freedom_count():
     """The same difference is significant where the uncertainties are well known, and not where they are not."""
     first, second = volts(1.0), volts(1.35)
