@@ -144,6 +144,9 @@ def test_what_has_no_value_is_unknown():
     for text in ("1/a", "log(a)", "sqrt(a-1)", "exp(a*1e6+1e6)"):
         with pytest.raises(Undefined):
             over(text, a="0.0", b="1.0")
+    for text in ("a/b", "a*a*a", "a**-3", "100*(b-a)/a"):
+        with pytest.raises(Undefined):
+            over(text, a="1e300", b="1e-300")
     (found,) = judged({"x": "1.0"}, a={"x": "0.0"}, b={"x": "1.0"})
     assert (found.verdict, found.reason) == (CellVerdict.UNKNOWN, "the divisor may be zero")
     (found,) = judged({"x": "1.0"}, a={"x": "2.0"}, b={"x": ""})

@@ -170,7 +170,7 @@ def _other_formula(cell: Asked) -> Iterator[str]:
             try:
                 values = [compute(a, b) for a, b in corners]
                 found = Range(min(values), max(values))
-            except (ZeroDivisionError, Undefined):
+            except ArithmeticError:
                 continue
             if cell.meets(found):
                 yield f"it follows by another formula, {pattern.format(*(each.table for each in names))}"
@@ -208,7 +208,7 @@ def _inverse(cell: Asked, values: Mapping[Source, float], source: Source) -> flo
         weight = ratio * (points[1] - points[0]) / (points[1] - points[2])
         needed = (points[0] - weight * points[2]) / (1 - weight)
         back = at(needed)
-    except (ZeroDivisionError, Undefined):
+    except ArithmeticError:
         return None
     return needed if abs(back - target) <= cell.printed.half + _SLACK * abs(target) else None
 

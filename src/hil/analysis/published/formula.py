@@ -155,7 +155,10 @@ class Formula:
             low, high = ends[source]
             return constant(low) if low == high else variable(low, high, source)
 
-        return _Evaluation(place, tables, take).number(self.tree)
+        try:
+            return _Evaluation(place, tables, take).number(self.tree)
+        except (OverflowError, ZeroDivisionError, ValueError):
+            raise Undefined("the numbers are too large or too small to compute with") from None
 
 
 def _references(node: ast.AST) -> Iterator[ast.expr]:

@@ -131,7 +131,7 @@ def _short(name: str) -> str:
 
 def _range(low: float, high: float) -> str:
     """Return a range as its middle and half of its width, with two digits of that."""
-    middle, half = (low + high) / 2, (high - low) / 2
+    middle, half = low / 2 + high / 2, high / 2 - low / 2
     if half <= 1e-12 * abs(middle):
         return f"{middle:.10g}"
     places = 1 - math.floor(math.log10(half))
