@@ -235,8 +235,9 @@ def _newest(packages: Iterable[Input]) -> dict[str, _Found]:
 def _combined(member: str, found: Sequence[_Found], unit: str) -> Used:
     """Return the figure of an axis: the mean of several, with the scatter between them where that is larger.
 
-    u is the larger of sqrt(sum u_i^2) / n, with the degrees of freedom of Welch and Satterthwaite, and s / sqrt(n),
-    with n - 1 (GUM 4.2.3 and G.4.1).
+    u is the larger of sqrt(sum u_i^2) / n, with the degrees of freedom of Welch and Satterthwaite, and s / sqrt(n)
+    (GUM 4.2.3 and G.4.1). The latter has n - 1 degrees of freedom where the scatter is beyond what the uncertainties
+    explain, by (n - 1) s^2 over the mean of u_i^2 against chi-squared at 95 %; else it is their chance.
     """
     factor = [scale(each.figure.unit, unit) for each in found]
     values = sorted(by * each.figure.value for by, each in zip(factor, found, strict=True))
@@ -247,7 +248,8 @@ def _combined(member: str, found: Sequence[_Found], unit: str) -> Used:
     size = len(found)
     uncertainty, dof = math.sqrt(math.fsum(variance for variance, _ in parts)) / size, effective_dof(parts)
     if size > 1 and (scatter := statistics.stdev(values) / math.sqrt(size)) > uncertainty:
-        uncertainty, dof = scatter, float(size - 1)
+        apart = size * (size - 1) * scatter**2 > (size * uncertainty) ** 2 / size * _chance(size - 1)
+        uncertainty, dof = scatter, float(size - 1) if apart else dof
     return Used(
         of=member,
         value=_short(math.fsum(values) / size),
@@ -255,6 +257,13 @@ def _combined(member: str, found: Sequence[_Found], unit: str) -> Used:
         dof=_short(dof) if math.isfinite(dof) else None,
         packages=tuple(sorted({each.package.digest for each in found})),
     )
+
+
+def _chance(dof: int) -> float:
+    """Return what chi-squared stays below in 95 of 100 cases."""
+    from scipy import special  # noqa: PLC0415 - start-up stays light
+
+    return float(special.chdtri(dof, 0.05))
 
 
 def _score(axes: Sequence[Used], unit: str, combine: str) -> tuple[Figure, str]:

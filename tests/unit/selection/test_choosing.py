@@ -119,6 +119,10 @@ def test_several_runs_of_an_axis_are_one_figure_with_the_scatter_between_them(se
     axis, other = next(each for each in _cell(document).standings if each.candidate == "A").axes
     assert (axis.value, axis.uncertainty, axis.dof) == (pytest.approx(1.2), pytest.approx(0.2), 1.0)
     assert (other.value, other.uncertainty) == (pytest.approx(1.1), pytest.approx(0.011 / math.sqrt(2)))
+    near = package(3, {"gyroscope.a.x": 1.02, "gyroscope.a.y": 1.1})
+    axis, _ = next(each for each in _cell(selected(package(1, _A), package(2, _B), near)).standings).axes
+    assert (axis.uncertainty, axis.dof) == (pytest.approx(0.01), None)  # within the uncertainties: by chance
+    axis, _ = next(each for each in _cell(document).standings if each.candidate == "A").axes
     assert axis.packages == (package(1, {}).digest, again.digest)
 
 
