@@ -67,7 +67,7 @@ def checks(package, parameter):
 def truths():
     """Return what the simulated sensors really are."""
     bench = load_bench(ROOT / "fixtures/benches", "imu", ROOT)
-    return {peer: spec.truth for peer, spec in bench.simulated.peers.items()}
+    return {peer.device: peer.truth for peer in bench.simulated.peers}
 
 
 def white_of(axis):
