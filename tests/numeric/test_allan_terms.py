@@ -260,6 +260,18 @@ def test_random_walk_is_as_uncertain_as_a_curve_that_may_be_in_it():
     assert walk.uncertainty > found.open / math.sqrt(3.0)
 
 
+@pytest.mark.parametrize("seed", [5, 9, 10, 11, 22])
+def test_a_jump_that_no_gate_sees_is_no_random_walk(seed):
+    """A mean that moves by 0.4 standard deviations of a sample explains the record as well: slow noise is a bound."""
+    generator = np.random.default_rng(seed)
+    values = record(generator, ("white",))
+    values += 0.4 * math.sqrt(RATE) * (np.arange(COUNT) > generator.uniform(0.1, 0.9) * COUNT)
+    assert all(gate.ok is not False for gate in quality.read({"x": values}, Facts(), RATE))
+    model = characterise(values, RATE, "deg/s")
+    assert {model.flicker.status, model.random_walk.status} == {FigureStatus.UPPER_LIMIT}
+    assert "a jump" in model.remark
+
+
 @pytest.mark.parametrize("curve", [np.exp(-TIME / 200.0), np.sin(TIME / 30.0)])
 def test_what_is_left_without_a_curve_is_noise(curve):
     """A warm-up or a sine of ten times the noise is taken off to a hundredth of it, around a hole as well."""

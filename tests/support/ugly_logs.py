@@ -263,6 +263,16 @@ def set_back():
     return table(times() - 2.0 * (np.arange(COUNT) > 1500), noise())
 
 
+@kind("the same log twice, one after the other")
+def log_twice():
+    return table(np.tile(times(2000), 2), np.tile(noise(2000), 2))
+
+
+@kind("the same samples twice, without times", UNTIMED)
+def samples_twice():
+    return table(np.tile(noise(2000), 2), head="x")
+
+
 @kind("a log of two starts: time begins again at zero")
 def restarts():
     return table(np.concatenate([times(1700), times(2300)]), noise())
@@ -606,6 +616,11 @@ def jump():
     return table(times(), noise() + 0.3 * (np.arange(COUNT) > 1500))
 
 
+@kind("the bias jumps by 0.4 standard deviations", truth=0.0, figure=slow_noise)
+def small_jump():
+    return table(times(16000), noise(16000) + 0.04 * (np.arange(16000) > 6000))
+
+
 @kind("noise that is 1.4 times as large from the middle on")
 def louder():
     values = noise()
@@ -924,6 +939,17 @@ def fahrenheit():
     return table(1.8 * warm + 32, means, head="T,x\n°F,deg/s")
 
 
+@kind("temperatures in Fahrenheit, told by nobody", (*GYROSCOPE, "--uncertainty", "0.002"), SLOPE, slope)
+def fahrenheit_untold():
+    warm, means = temperatures()
+    return table(1.8 * warm + 32, means, head="T,x")
+
+
+@kind("the same table twice", (*GYROSCOPE, "--uncertainty", "0.002"), SLOPE, slope)
+def table_twice():
+    return celsius() + celsius().removeprefix("T,x\n")
+
+
 @kind("means in mdeg/s, as a line of units says", (*GYROSCOPE, "--uncertainty", "0.002"), SLOPE, slope)
 def means_milli():
     warm, means = temperatures()
@@ -1090,6 +1116,18 @@ def battery_milli():
 def battery_kelvin():
     time, voltage, current, warm = cell()
     return table(time, voltage, current, warm + 273.15, head=HEAD)
+
+
+@kind("a cell's temperature in Fahrenheit, told by nobody", BATTERY, AH, capacity)
+def battery_fahrenheit():
+    time, voltage, current, warm = cell()
+    return table(time, voltage, current, 1.8 * warm + 32.0, head=HEAD)
+
+
+@kind("a cell's current 5 % too large, where 6 % is its bound", (*BATTERY, "--current-gain", "0.06"), AH, capacity)
+def battery_gain_told():
+    time, voltage, current, warm = cell()
+    return table(time, voltage, 1.05 * current, warm, head=HEAD)
 
 
 @kind("a cell's time that runs back", BATTERY, AH, capacity)
@@ -1313,6 +1351,16 @@ def page(everything: dict[str, Said]) -> str:
         "*value*, which is within its uncertainty of the truth; a *flag*: the coefficients are inconclusive, not",
         "observable or rejected; or an *error*. A test runs every kind and holds this table, which",
         "`python tests/support/ugly_logs.py` writes.",
+        "",
+        "Some errors leave nothing in a log by which they could be told:",
+        "",
+        "- A gain between 0.93 and 1.1. Capacities, sensitivities and noise of good parts differ by as much. Only a",
+        "  calibration of the instrument tells it: give its bound with `--current-gain`, or the uncertainty of the",
+        "  rates with `--rate-uncertainty`, and the interval holds it.",
+        "- Fahrenheit below 85 in a table of temperatures, or below 65 in a log of a cell, where no column's name says",
+        "  it: these are temperatures in degC as well.",
+        "- Samples of 4 to 6 standard deviations, fewer than one in 200, in a record of a few thousand: noise without",
+        "  them has as heavy tails now and then. White noise reads up to 9 % too high.",
         "",
         "| log | command | outcome | what is said |",
         "|---|---|---|---|",

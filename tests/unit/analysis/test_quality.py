@@ -9,7 +9,7 @@ import pytest
 
 from hil.analysis.changes import jumps, steady, wrapped
 from hil.analysis.extremes import resolved, rounding, saturated, spikes
-from hil.analysis.gates import Facts, stuck
+from hil.analysis.gates import Facts, copies, repeated, stuck
 from hil.analysis.quality import aliased, density, density_agrees, judge, tripped
 from hil.model.errors import Refused
 
@@ -345,3 +345,17 @@ def test_counts_that_start_over_trip(count):
     for values in (counts, counts + 32000, whole):
         assert wrapped("x", count * values.astype(float), Facts(lsb=count)).ok is True
     assert wrapped("x", noise(), Facts()).ok is None
+
+
+def test_rows_that_stand_twice_or_three_times_are_told():
+    """Whole copies only, holes among them; a column that stands still beside one that moves hides none."""
+    rows = np.random.default_rng(1).standard_normal(30)
+    rows[4] = np.nan
+    assert [copies([np.tile(rows, times)]) for times in (1, 2, 3)] == [1, 2, 3]
+    assert copies([np.tile(rows, 2), np.ones(60)]) == 2
+    assert copies([np.ones(60)]) == 1
+    assert copies([np.append(np.tile(rows, 2), 0.0)]) == 1
+    assert copies([]) == 1
+    gate = repeated({"x": np.tile(rows, 2)})
+    assert (gate.ok, gate.samples) == (False, (31,))
+    assert "the same 30 rows stand twice" in gate.reason

@@ -3,12 +3,14 @@
 Averages over the cells of a record are taken apart into cosines (DCT-II), which are nearly independent under white
 noise, flicker and random walk; their variances are those of the spectrum at k / 2T. Models are compared by the
 likelihood of Whittle (1953), with a straight line in all of them: noise alone, and white noise, white noise with
-flicker, or all noises with a curve. Curves are exponentials and sines; the one that explains most stands for its kind.
+flicker, or all noises with a curve. Curves are exponentials and sines, and beside white noise a jump of the mean; the
+one that explains most stands for its kind.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TypeAlias
@@ -25,6 +27,7 @@ _TRIED, _NARROWINGS = 7, 2  # shapes on either side of a curve's, and rounds
 _CELLS = 512
 _FEWEST = 32  # cells in which a curve can be told from noise
 _WARM_UPS = np.geomspace(1.0 / 60.0, 1.0, 12)  # time constants, of the record
+_APART = 8  # cells between the places of a jump
 _ROUNDS = 5  # of choosing a curve and fitting the noise that is left
 _STEPS = 40  # of fitting noise
 _SETTLED = 1e-3  # by which the log likelihood still grows from round to round
@@ -40,10 +43,10 @@ class Slow:
 
     Attributes:
         curve: description of a curve that the record holds, empty if it shows none.
-        noise: whether slow noise is more likely than white noise with a curve.
+        noise: whether slow noise is more likely than white noise with a curve or a jump.
         walk: whether random walk is as likely as a curve in its place, with white noise and flicker.
         gain: twice the log likelihood that the curve adds to all noises.
-        lead: that of slow noise over white noise with a curve.
+        lead: that of slow noise over white noise with a curve or a jump.
         open: by how much the coefficient of random walk is smaller, or larger, if the curve that explains most is taken
             for real, in unit * sqrt(Hz).
         shape: of the curve: its time constant in samples, negative, or its period in samples; NaN if none shows.
@@ -92,11 +95,11 @@ def slow(values: _Array, rate: float) -> Slow | None:
     if not parts.any():
         return None
     design = _spectra(means.size, step)
-    alone = _likelihood(parts, design, curved=False)
-    simple = _likelihood(parts, design[:, :1], curved=True)
-    without = _likelihood(parts, design[:, :2], curved=True)
-    both = _likelihood(parts, design, curved=True)
-    gain, lead = 2.0 * (both.largest - alone.largest), 2.0 * (alone.largest - simple.largest)
+    alone = _likelihood(parts, design)
+    curves, jumps = (_likelihood(parts, design[:, :1], library) for library in (_curves, _jumps))
+    without = _likelihood(parts, design[:, :2], _curves)
+    both = _likelihood(parts, design, _curves)
+    gain, lead = 2.0 * (both.largest - alone.largest), 2.0 * (alone.largest - max(curves.largest, jumps.largest))
     shape = _shape(both.curve, means) if gain > _CURVE else math.nan
     return Slow(
         curve=_described(shape * step) if gain > _CURVE else "",
@@ -151,14 +154,27 @@ class _Library:
 
 
 @lru_cache(maxsize=4)
-def _library(cells: int) -> _Library:
+def _curves(cells: int) -> _Library:
+    """Return warm-ups and sines."""
     time = (np.arange(cells) + 0.5) / cells
     angles = 2.0 * np.pi * np.outer(time, _cycles(cells))
     warm = np.exp(-time[:, None] / _WARM_UPS)
-    first = np.ascontiguousarray(_cosines(np.column_stack([warm, np.cos(angles)])).T)
-    second = np.ascontiguousarray(_cosines(np.column_stack([np.zeros_like(warm), np.sin(angles)])).T)
-    products = (np.square(first), first * second, np.square(second))
-    return _Library(_cosines(time[:, None])[:, 0], first, second, products)
+    return _taken_apart(np.column_stack([warm, np.cos(angles)]), np.column_stack([np.zeros_like(warm), np.sin(angles)]))
+
+
+@lru_cache(maxsize=4)
+def _jumps(cells: int) -> _Library:
+    """Return jumps of the mean at every eighth cell."""
+    place = np.arange(cells)
+    steps = (place[:, None] >= np.arange(_APART, cells - _APART // 2, _APART)).astype(np.float64)
+    return _taken_apart(steps, np.zeros_like(steps))
+
+
+def _taken_apart(first: _Array, second: _Array) -> _Library:
+    """Return the library of curves whose two parts are columns over the cells."""
+    line = _cosines((np.arange(len(first)) + 0.5)[:, None] / len(first))[:, 0]
+    one, other = (np.ascontiguousarray(_cosines(each).T) for each in (first, second))
+    return _Library(line, one, other, (np.square(one), one * other, np.square(other)))
 
 
 def _cycles(cells: int) -> _Array:
@@ -175,12 +191,12 @@ class _Best:
     levels: _Array
 
 
-def _likelihood(parts: _Array, design: _Array, *, curved: bool) -> _Best:
-    library = _library(parts.size + 1)
+def _likelihood(parts: _Array, design: _Array, curves: Callable[[int], _Library] | None = None) -> _Best:
+    library = (curves or _curves)(parts.size + 1)
     levels = np.full(design.shape[1], float(np.square(parts).mean())) / design.mean(axis=0) / design.shape[1]
     found, before = _Best(-math.inf, 0, levels), -1
     for _ in range(_ROUNDS):
-        left, place = _without(parts, 1.0 / (design @ levels), library, curved=curved)
+        left, place = _without(parts, 1.0 / (design @ levels), library, curved=curves is not None)
         squared = np.square(left)
         for _ in range(_STEPS):
             power = design @ levels

@@ -255,7 +255,7 @@ def _remarks(
     if slowly is not None and slowly.curve:
         yield f"the record holds {slowly.curve}: flicker, random walk and ramp are bounds"
     elif slowly is not None and not slowly.noise and max(found.squares[2:]) > 0.0:
-        yield "a warm-up or an oscillation explains the record as well: flicker and random walk are bounds"
+        yield "a warm-up, an oscillation or a jump explains the record as well: flicker and random walk are bounds"
     elif slowly is not None and not slowly.walk and found.squares[3] > 0.0:
         yield "a warm-up or an oscillation with flicker explains the record as well: random walk is a bound"
 

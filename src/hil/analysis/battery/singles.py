@@ -25,6 +25,7 @@ _STEEP = 10.0  # times the usual change from sample to sample of its step by whi
 _SHARE = 0.1  # of the step's current by which it may
 _FAINT = 0.02  # of the usual current by which it may in any step: in a rest the last digit comes and goes
 _BACK, _BACK_SHARE = 0.5, 0.15  # V, and of the highest voltage: so far no change of current within a step takes it
+_HOT = 65.0  # degC that half of a test exceeds: no cell is cycled so hot, and 18 degC in °F are above
 _NAMED = 3  # of those that are doubted, the first
 
 
@@ -200,12 +201,22 @@ def _warmth(data: Series, made: Sequence[Cycle]) -> Gate:
         return _gate("temperature", None, "not judged: no temperature was recorded")
     false = np.isfinite(data.temperature) & ~can_be_warm(data.temperature)
     if not false.any():
-        return _gate("temperature", True, "all between -60 and 120 degC")
+        return _fever(data.temperature)
     place = int(np.flatnonzero(false)[0])
     rows = "1 row" if false.sum() == 1 else f"{false.sum()} rows"
     found = f"{rows} beyond -60 to 120 degC, first {data.temperature[place]:g} at {data.time[place]:g} s, not counted"
     reason = f"{found}: the sensor is open or shorted, or its unit is not degC"
     return _gate("temperature", False, reason, _holding(data, made, np.flatnonzero(false)))
+
+
+def _fever(temperature: NDArray[np.float64]) -> Gate:
+    """Trip where a cell is hotter for half of the test than cells are cycled at."""
+    middle = float(np.nanmedian(temperature)) if np.isfinite(temperature).any() else 0.0
+    if middle <= _HOT:
+        return _gate("temperature", True, "all between -60 and 120 degC")
+    told = f"half of the test at {middle:.3g} degC or more, hotter than cells are cycled"
+    fahrenheit = f"{(middle - 32.0) / 1.8:.3g} degC if the column holds °F"
+    return _gate("temperature", False, f"{told}: {fahrenheit}; leave --temperature out if the test was so hot")
 
 
 def _stray_rows(data: Series, steps: Sequence[Step], made: Sequence[Cycle]) -> Gate:

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 __all__ = ["gyroscope_temperature"]
 
 _OTHER_DEGREES = re.compile(r"(?:^|[\s_\[(/])(°F|degF|F|K|degK|kelvin|fahrenheit)[\])]?\s*$", re.IGNORECASE)
+_DEGC = re.compile(r"(?:^|[\s_\[(/])(°C|degC|C|celsius)[\])]?\s*$", re.IGNORECASE)
+_HOTTEST = 85.0  # degC that sensors are made for
 _LARGEST = 1e100  # beyond this a square is no number any more
 _LEAST_SPAN = 2.0  # K between the temperatures of a table: less tells no dependence
 
@@ -124,7 +126,7 @@ def gyroscope_temperature(  # noqa: PLR0913 - one argument per option
     _checked(report)
     report = replace(report, remarks=(*table.remarks, *report.remarks))
     told = named_units(table.names[1 : 1 + len(names)], unit)
-    gates = (*told, *_gates(readings, table.names[0]), *implausible(report.responses))
+    gates = (*told, *_copied(table), *_gates(readings, table.names[0]), *implausible(report.responses))
     doubted = any(gate.ok is False for gate in gates)
     if not doubted:
         _write(report, export, c_header)
@@ -189,11 +191,29 @@ def _gates(readings: Sequence[Reading], title: str) -> tuple[Gate, ...]:
     said = _OTHER_DEGREES.search(title)
     if said is not None and warm.ok is not False:
         warm = replace(warm, ok=False, reason=f"the name of column '{title}' says {said[1]}; not degrees Celsius")
+    hottest = float(temperatures.max())
+    if warm.ok is not False and hottest > _HOTTEST and _DEGC.search(title) is None:
+        celsius_then = (hottest - 32.0) / 1.8
+        told = f"up to {hottest:g} in column '{title}', which names no unit: {celsius_then:.3g} degC if it holds °F"
+        reason = f"{told}; name the unit, as in 'T [degC]'"
+        warm = replace(warm, ok=False, reason=reason)
     span = float(np.ptp(temperatures))
     told = f"the temperatures differ by {span:.3g} K"
     if span < _LEAST_SPAN:
         told += f", and {_LEAST_SPAN:g} K are needed: is this their column?"
     return (warm, Gate(name="span", channel="temperature", ok=span >= _LEAST_SPAN, reason=told), *still)
+
+
+def _copied(table: Table) -> tuple[Gate, ...]:
+    """Return a gate that trips where the whole table stands in the file several times."""
+    from hil.analysis.gates import Gate, copies  # noqa: PLC0415 - start-up stays light
+
+    times = copies(table.values.T)
+    if times == 1:
+        return ()
+    counted = "twice" if times == 2 else "three times"
+    reason = f"the same {len(table.values) // times} rows stand {counted}: they tell no more than once"
+    return (Gate(name="repeated", channel="", ok=False, reason=reason),)
 
 
 def _finite(file: Path, table: Table) -> None:
