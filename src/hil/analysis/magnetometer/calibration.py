@@ -28,6 +28,7 @@ IDENTIFIABLE = (
 
 _PLACES = {(0, 0): 3, (1, 1): 4, (2, 2): 5, (0, 1): 6, (0, 2): 7, (1, 2): 8}
 _FIELD = 9
+_ROUNDING = 1e-12  # of a value: what is certain by construction is not known any better
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,4 +90,5 @@ class Calibration:
         if self.covariance is None:
             return Figure(value=value, unit=unit)
         spread = math.sqrt(max(0.0, self.covariance[place][place]))
+        spread = spread if spread > _ROUNDING * abs(value) else 0.0
         return Figure(value=value, unit=unit, uncertainty=spread, dof=self.dof if spread else math.inf)

@@ -27,9 +27,9 @@ from hil.cli.analyses.allan_text import NAMES, Axis, called
 from hil.clock.wall import moment_of
 from hil.model.errors import Refused
 
-__all__ = ["draw_allan", "draw_battery", "draw_gyroscope", "draw_psd", "draw_trend"]
+__all__ = ["COLOURS", "draw_allan", "draw_battery", "draw_gyroscope", "draw_psd", "draw_trend", "save"]
 
-_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
 """Colours that all eyes tell apart (Okabe and Ito)."""
 
 _MARKS = ("o", "s", "^", "D", "v", "P")
@@ -55,7 +55,7 @@ def draw_allan(path: Path, axes: Sequence[Axis]) -> None:
     drawn = [axis for axis in axes if axis.curve.deviation.any()]
     if not drawn:
         raise Refused(f"{path}: there is no deviation above zero to draw", "check the columns' remarks")
-    _save(path, lambda: _allan(drawn))
+    save(path, lambda: _allan(drawn))
 
 
 def draw_battery(path: Path, data: Series, summary: Summary, how: Segmentation) -> None:
@@ -70,7 +70,7 @@ def draw_battery(path: Path, data: Series, summary: Summary, how: Segmentation) 
     Raises:
         Refused: another ending, or a file that cannot be written.
     """
-    _save(path, lambda: _battery(data, summary, how))
+    save(path, lambda: _battery(data, summary, how))
 
 
 def draw_gyroscope(path: Path, report: CalibrationReport) -> None:
@@ -86,7 +86,7 @@ def draw_gyroscope(path: Path, report: CalibrationReport) -> None:
     parts = [("bias", report.calibration.unit, report.bias)]
     if report.scale:
         parts.append(("scale", "1", report.scale))
-    _save(path, lambda: _gyroscope(parts))
+    save(path, lambda: _gyroscope(parts))
 
 
 def draw_psd(path: Path, axes: Sequence[psd_text.Axis]) -> None:
@@ -102,7 +102,7 @@ def draw_psd(path: Path, axes: Sequence[psd_text.Axis]) -> None:
     drawn = [axis for axis in axes if axis.noise.bands.density.any()]
     if not drawn:
         raise Refused(f"{path}: there is no density above zero to draw", "check the columns' remarks")
-    _save(path, lambda: _psd(drawn))
+    save(path, lambda: _psd(drawn))
 
 
 def draw_trend(path: Path, parameter: str, found: Sequence[Trend]) -> None:
@@ -124,7 +124,7 @@ def draw_trend(path: Path, parameter: str, found: Sequence[Trend]) -> None:
             f"{path}: {len(drawn)} panels do not fit on a page",
             "choose with --requirement, --of or --dut, or take --csv",
         )
-    _save(path, lambda: _trend(parameter, drawn))
+    save(path, lambda: _trend(parameter, drawn))
 
 
 def _is_placed(point: Point) -> bool:
@@ -163,8 +163,8 @@ def _series(axes: Axes, found: Trend, units: Sequence[str]) -> None:
             np.array([point.value for point in own], dtype=float),
             yerr=[point.expanded or 0.0 for point in own],
             fmt=_MARKS[number % len(_MARKS)],
-            color=_COLOURS[number % len(_COLOURS)],
-            markerfacecolor=_COLOURS[number % len(_COLOURS)] if hardware else "none",
+            color=COLOURS[number % len(COLOURS)],
+            markerfacecolor=COLOURS[number % len(COLOURS)] if hardware else "none",
             markersize=5,
             capsize=2,
             label=dut if hardware else f"{dut}, {source.upper()}",
@@ -183,7 +183,7 @@ def _allan(drawn: Sequence[Axis]) -> Figure:
     figure = Figure(figsize=(7.0, 5.0), dpi=120, layout="constrained")
     axes = figure.add_subplot()
     for place, axis in enumerate(drawn):
-        curve, colour = axis.curve, _COLOURS[place % len(_COLOURS)]
+        curve, colour = axis.curve, COLOURS[place % len(COLOURS)]
         seen = curve.deviation > 0.0
         tau, deviation = curve.tau[seen], curve.deviation[seen]
         # With very few degrees of freedom and little confidence an interval may lie beside its estimate.
@@ -210,7 +210,7 @@ def _psd(drawn: Sequence[psd_text.Axis]) -> Figure:
     figure = Figure(figsize=(7.0, 5.0), dpi=120, layout="constrained")
     axes = figure.add_subplot()
     for place, axis in enumerate(drawn):
-        bands, whole, colour = axis.noise.bands, axis.noise.spectrum, _COLOURS[place % len(_COLOURS)]
+        bands, whole, colour = axis.noise.bands, axis.noise.spectrum, COLOURS[place % len(COLOURS)]
         few = slice(1, -1, max(whole.density.size // (5 * _POINTS), 1))
         axes.plot(whole.frequency[few], whole.density[few], color=colour, linewidth=0.4, alpha=0.4)
         axes.fill_between(bands.frequency, bands.low, bands.high, color=colour, alpha=0.3, linewidth=0)
@@ -258,7 +258,7 @@ def _battery(data: Series, summary: Summary, how: Segmentation) -> Figure:
 
 def _over_time(axes: Axes, data: Series) -> None:
     few = slice(None, None, max(data.time.size // (5 * _POINTS), 1))
-    axes.plot(data.time[few] / SECONDS_PER_HOUR, data.voltage[few], color=_COLOURS[0], linewidth=0.8)
+    axes.plot(data.time[few] / SECONDS_PER_HOUR, data.voltage[few], color=COLOURS[0], linewidth=0.8)
 
 
 def _over_charge(axes: Axes, data: Series, how: Segmentation) -> None:
@@ -270,7 +270,7 @@ def _over_charge(axes: Axes, data: Series, how: Segmentation) -> None:
         for step in own[:: max(len(own) // _MOST, 1)]:
             part = slice(step.first, step.last + 1, max((step.last - step.first) // _POINTS, 1))
             passed = charge[part] - charge[step.first]
-            axes.plot(passed, data.voltage[part], color=_COLOURS[number], linewidth=0.8)
+            axes.plot(passed, data.voltage[part], color=COLOURS[number], linewidth=0.8)
 
 
 def _density(axes: Axes, data: Series, how: Segmentation) -> None:
@@ -278,7 +278,7 @@ def _density(axes: Axes, data: Series, how: Segmentation) -> None:
         curves = incremental_capacities(data, kind, how)
         for curve in curves[:: max(len(curves) // _MOST, 1)]:
             sign = 1.0 if kind is StepKind.CHARGE else -1.0
-            axes.plot(curve.voltage, sign * curve.density, color=_COLOURS[number], linewidth=0.8)
+            axes.plot(curve.voltage, sign * curve.density, color=COLOURS[number], linewidth=0.8)
 
 
 def _over_cycles(axes: Axes, summary: Summary, quantity: str, fading: str) -> None:
@@ -287,12 +287,12 @@ def _over_cycles(axes: Axes, summary: Summary, quantity: str, fading: str) -> No
     for number, kind in enumerate(_KINDS):
         halves = [(each.number, getattr(each, kind.value)) for each in summary.cycles]
         rows = [(place, getattr(half, quantity)) for place, half in halves if half is not None]
-        for own, fill in ((True, _COLOURS[number]), (False, "none")):
+        for own, fill in ((True, COLOURS[number]), (False, "none")):
             drawn = np.array([row for row in rows if (row[0] in compared) is own]).reshape(-1, 2)
             label = kind.value if own else f"{kind.value}, incomplete"
             if drawn.size:
                 axes.plot(
-                    *drawn.T, _MARKS[number], color=_COLOURS[number], markerfacecolor=fill, markersize=4, label=label
+                    *drawn.T, _MARKS[number], color=COLOURS[number], markerfacecolor=fill, markersize=4, label=label
                 )
     line = summary.fades.get(fading)
     if line is not None:
@@ -309,7 +309,7 @@ def _efficiencies(axes: Axes, summary: Summary) -> None:
         rows = [(each.number, getattr(each, f"{name}_efficiency")) for each in summary.compared]
         drawn = np.array([row for row in rows if np.isfinite(row[1])]).reshape(-1, 2)
         if drawn.size:
-            axes.plot(*drawn.T, _MARKS[number], color=_COLOURS[number], markersize=4, label=name)
+            axes.plot(*drawn.T, _MARKS[number], color=COLOURS[number], markersize=4, label=name)
             axes.legend(fontsize="small")
 
 
@@ -327,7 +327,7 @@ def _gyroscope(parts: list[tuple[str, str, Mapping[str, Fit]]]) -> Figure:
 
 
 def _line(axes: Axes, name: str, fitted: Fit, number: int) -> None:
-    polynomial, colour = fitted.polynomial, _COLOURS[number % len(_COLOURS)]
+    polynomial, colour = fitted.polynomial, COLOURS[number % len(COLOURS)]
     axes.plot(fitted.temperature, fitted.value, _MARKS[number % len(_MARKS)], color=colour, markersize=4, label=name)
     grid = np.linspace(polynomial.low, polynomial.high, 101)
     axes.plot(grid, polynomial.at(grid), color=colour, linewidth=1)
@@ -337,7 +337,7 @@ def _line(axes: Axes, name: str, fitted: Fit, number: int) -> None:
         axes.fill_between(grid, middle - spread, middle + spread, color=colour, alpha=0.2, linewidth=0)
 
 
-def _save(path: Path, make: Callable[[], Figure]) -> None:
+def save(path: Path, make: Callable[[], Figure]) -> None:
     """Write a figure without dates and random names.
 
     Args:

@@ -7,6 +7,7 @@ import click
 from hil.cli.analyses.allan import allan
 from hil.cli.analyses.battery import battery
 from hil.cli.analyses.gyroscope_temperature import gyroscope_temperature
+from hil.cli.analyses.magnetometer import magnetometer
 from hil.cli.analyses.psd import psd
 from hil.cli.analyses.table import table
 
@@ -26,5 +27,6 @@ def command() -> None:
 command.add_command(allan)
 command.add_command(battery)
 command.add_command(gyroscope_temperature)
+command.add_command(magnetometer)
 command.add_command(psd)
 command.add_command(table)

@@ -1,0 +1,178 @@
+"""`hil analyse magnetometer`: calibrate a magnetometer from readings in many attitudes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from hil.cli.analyses.log import named_units
+from hil.cli.options import unit_option
+from hil.model.errors import HilError, Refused
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from hil.analysis.gates import Gate
+    from hil.analysis.magnetometer.calibrate import MagnetometerReport
+
+__all__ = ["magnetometer"]
+
+_METHODS = ("ellipsoid", "likelihood", "twostep")
+_SHAPES = ("auto", "sphere", "aligned", "general")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Recorded:
+    """Readings (n, 3) and, where they are known, magnitudes (n,) in one unit; gates and remarks about them."""
+
+    readings: NDArray[np.float64]
+    field: NDArray[np.float64] | None
+    gates: tuple[Gate, ...]
+    remarks: tuple[str, ...]
+
+
+@click.command("magnetometer", short_help="Calibrate a magnetometer from many attitudes.")
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option("--columns", required=True, metavar="A,B,C", help="Columns of x, y and z, by number or name.")
+@unit_option("--unit", required=True, help="Unit of the numbers in the file, such as uT or LSB.")
+@click.option("--scale", type=float, metavar="FACTOR", help="How many --scaled-unit one --unit is.")
+@unit_option("--scaled-unit", help="Unit after scaling, such as uT.")
+@click.option("--field", type=float, metavar="VALUE", help="Known magnitude of the field, the same for all readings.")
+@click.option("--field-column", metavar="COLUMN", help="Column of known magnitudes, by number or name.")
+@unit_option("--field-unit", help="Unit of the known magnitudes; that of the readings by default.")
+@click.option(
+    "--method", type=click.Choice(_METHODS), help="The fit; likelihood with a known field, else ellipsoid by default."
+)
+@click.option("--shape", type=click.Choice(_SHAPES), help="What the matrix may be; by default the data choose it.")
+@click.option("--full-scale", type=float, metavar="VALUE", help="Largest reading of either sign, in --unit.")
+@click.option("--plot", type=click.Path(path_type=Path), metavar="FILE", help="Draw the residuals: .svg or .png.")
+@click.option("--export", type=click.Path(path_type=Path), metavar="FILE", help="Write the calibration as JSON.")
+@click.option(
+    "--c-header", type=click.Path(path_type=Path), metavar="FILE", help="Write the calibration as a C header."
+)
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON document and nothing else.")
+def magnetometer(  # noqa: PLR0913 - one argument per option
+    *,
+    file: Path,
+    columns: str,
+    unit: str,
+    scale: float | None,
+    scaled_unit: str | None,
+    field: float | None,
+    field_column: str | None,
+    field_unit: str | None,
+    method: str | None,
+    shape: str | None,
+    full_scale: float | None,
+    plot: Path | None,
+    export: Path | None,
+    c_header: Path | None,
+    as_json: bool,
+) -> int:
+    """Calibrate bias and matrix of the magnetometer whose readings are in FILE.
+
+    Turn the sensor through as many attitudes as you can; nobody needs to know them. If the magnitude of the
+    field is known, give it as a number or as a column. The result is field = matrix * (measured - bias),
+    with uncertainties, outliers and the part of the sphere that the readings reach.
+    If that is too little, or a gate speaks against the readings, nothing is exported, and the exit code is 1.
+
+    \b
+    Example:
+      hil analyse magnetometer docs/data/magnetometer-simulated.csv --columns x,y,z --unit uT --field-column field
+    """  # noqa: D301 - click reads \b
+    from hil.analysis.magnetometer.calibrate import calibrate_magnetometer  # noqa: PLC0415 - start-up stays light
+    from hil.cli.analyses import magnetometer_text  # noqa: PLC0415 - start-up stays light
+
+    if (scale is None) != (scaled_unit is None):
+        raise Refused("--scale and --scaled-unit belong together", "give both, or neither")
+    if field is not None and field_column is not None:
+        raise Refused("--field and --field-column say the same", "give one of them")
+    names = [name.strip() for name in columns.split(",")]
+    if len(names) != 3:
+        raise Refused(f"--columns names {len(names)} columns", "name those of x, y and z")
+    found = scaled_unit or unit
+    factor = _factor(field_unit, found)
+    wanted = [*names, *([field_column] if field_column else [])]
+    recorded = _recorded(file, wanted, unit, scale or 1.0, None if full_scale is None else full_scale * (scale or 1.0))
+    known = recorded.field if field is None else field
+    known = None if known is None else known * factor
+    report = calibrate_magnetometer(recorded.readings, found, field=known, method=method, shape=shape)  # type: ignore[arg-type]
+    gates = (*recorded.gates, *report.gates)
+    doubted = any(gate.ok is False for gate in gates)
+    if not doubted:
+        _exported(report, recorded.readings, known, {export: "json", c_header: "c"})
+    if plot is not None:
+        from hil.cli.analyses.magnetometer_plot import draw  # noqa: PLC0415 - matplotlib is slow to import
+
+        draw(plot, report, recorded.readings)
+    text = magnetometer_text.as_json if as_json else magnetometer_text.as_text
+    click.echo(text(str(file), report, gates, recorded.remarks))
+    return int(doubted)
+
+
+def _factor(field_unit: str | None, unit: str) -> float:
+    from hil.requirements.units import convert  # noqa: PLC0415 - slow to import
+
+    if field_unit is None:
+        return 1.0
+    try:
+        return convert(1.0, field_unit, unit)
+    except HilError as error:
+        raise Refused(
+            f"--field-unit: {error.message}", f"give it in {unit}, or in a unit that converts to it"
+        ) from None
+
+
+def _recorded(file: Path, wanted: list[str], unit: str, scale: float, full_scale: float | None) -> _Recorded:
+    """Return what the file holds without rows that are not numbers, and what the gates say of it."""
+    import numpy as np  # noqa: PLC0415 - start-up stays light
+
+    from hil.analysis.extremes import saturated  # noqa: PLC0415 - start-up stays light
+    from hil.analysis.gates import Facts, repeated, stuck  # noqa: PLC0415 - start-up stays light
+    from hil.logs.columns import read  # noqa: PLC0415 - start-up stays light
+
+    table = read(file, wanted)
+    whole = np.isfinite(table.values).all(axis=1)
+    if not whole.any():
+        raise Refused(f"{file}: no row holds a finite number in every column", "choose other columns")
+    remarks = list(table.remarks)
+    if not whole.all():
+        count = int((~whole).sum())
+        told = "1 row holds" if count == 1 else f"{count} rows hold"
+        remarks.append(f"{told} no finite number in a column, and {'is' if count == 1 else 'are'} left out")
+    readings = np.ascontiguousarray(table.values[whole, :3]) * scale
+    channels = {name: readings[:, place] for place, name in enumerate(table.names[:3])}
+    gates = [*named_units(table.names[:3], unit), repeated(channels)]
+    for name, values in channels.items():
+        gates.append(stuck(name, values))
+        if full_scale is not None:
+            gates.append(saturated(name, values, Facts(full_scale=full_scale)))
+    field = np.ascontiguousarray(table.values[whole, 3]) if len(wanted) > 3 else None
+    return _Recorded(readings=readings, field=field, gates=tuple(gates), remarks=tuple(remarks))
+
+
+def _exported(
+    report: MagnetometerReport,
+    readings: NDArray[np.float64],
+    known: NDArray[np.float64] | float | None,
+    files: dict[Path | None, str],
+) -> None:
+    """Write the calibration, as far as it gives back the readings that it was made from."""
+    from hil.analysis.magnetometer import interchange  # noqa: PLC0415 - start-up stays light
+
+    text = interchange.magnetometer_as_json(report.calibration)
+    missed = interchange.sample_disagreement(interchange.magnetometer_from_json(text), report, readings, known)
+    if missed:
+        raise Refused(missed, "do not use this calibration; report the readings that show it")
+    forms = {"json": text, "c": interchange.magnetometer_as_c_header(report.calibration)}
+    for path, form in files.items():
+        if path is None:
+            continue
+        try:
+            path.write_text(forms[form], encoding="utf-8")
+        except OSError as error:
+            raise Refused(f"{path}: {error.strerror}", "choose a place that can be written") from None

@@ -1,0 +1,54 @@
+"""The plot of `hil analyse magnetometer`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from hil.analysis.magnetometer.calibrate import MagnetometerReport
+from hil.cli.analyses.plots import COLOURS, save
+from hil.model.errors import Refused
+
+__all__ = ["draw"]
+
+
+def draw(path: Path, report: MagnetometerReport, readings: NDArray[np.float64]) -> None:
+    """Draw the residuals of all readings, and where on the sphere the calibrated ones lie, in a map of equal areas.
+
+    Args:
+        path: what to write; its ending, .svg or .png, says the format.
+        report: what to draw.
+        readings: shape (n, 3).
+
+    Raises:
+        Refused: another ending, nothing to draw, or a file that cannot be written.
+    """
+    if not np.isfinite(report.residual).any():
+        raise Refused(f"{path}: there is no ellipsoid to draw", "measure attitudes all over the sphere")
+    save(path, lambda: _drawn(report, report.calibration.correct(readings)))
+
+
+def _drawn(report: MagnetometerReport, field: NDArray[np.float64]) -> Figure:
+    figure = Figure(figsize=(7.0, 6.0), dpi=120, layout="constrained")
+    above, below = figure.subplots(2, 1)
+    left_out = np.zeros(len(field), dtype=bool)
+    left_out[list(report.outliers)] = True
+    number, turn = np.arange(1, len(field) + 1), np.degrees(np.arctan2(field[:, 1], field[:, 0]))
+    height = field[:, 2] / np.sqrt(np.square(field).sum(axis=1))
+    for which, mark, colour, label in (
+        (~left_out, ".", COLOURS[0], "used"), (left_out, "x", COLOURS[1], "outlier"),
+    ):  # fmt: skip
+        if which.any():
+            above.plot(number[which], report.residual[which], mark, color=colour, markersize=4, label=label)
+            below.plot(turn[which], height[which], mark, color=colour, markersize=4, label=label)
+    above.set_xlabel("reading")
+    above.set_ylabel(f"residual [{report.calibration.unit}]")
+    below.set(xlim=(-180.0, 180.0), ylim=(-1.0, 1.0), ylabel="z of the direction")
+    below.set_xlabel("direction about z [deg]")
+    for axes in (above, below):
+        axes.grid(visible=True, color="#dddddd", linewidth=0.5)
+    above.legend()
+    return figure
