@@ -116,9 +116,9 @@ def test_a_tab_is_called_a_tab():
 
 def test_many_underscores_do_not_slow_the_reader_down():
     """Recognising surprises takes linear time."""
-    before = time.perf_counter()
+    before = time.thread_time()
     parse(f"key: 1{'_' * 200_000}x\n")
-    assert time.perf_counter() - before < 2
+    assert time.thread_time() - before < 2
 
 
 @pytest.mark.parametrize(
@@ -172,9 +172,9 @@ def test_an_alias_bomb_is_refused_at_once():
     """Aliases are never followed, so the bomb is as small as its bytes."""
     lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x]"]
     lines += [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 9)}]" for i in range(1, 40)]
-    before = time.perf_counter()
+    before = time.thread_time()
     _, findings = parse("\n".join(lines))
-    assert time.perf_counter() - before < 0.1
+    assert time.thread_time() - before < 0.1
     assert "not allowed" in findings[0]
     assert len(findings) == 101
     assert findings[-1] == "bench.yaml: more than 100 findings, the rest was not read"
