@@ -13,6 +13,7 @@ from hil.analysis import (
     Limits,
     StepKind,
     as_csv,
+    incremental_capacities,
     not_observable,
     observed,
     series,
@@ -173,6 +174,20 @@ def table(rows):
     """Return the table of iterations as text, one line each; empty where there is no number."""
     columns = [Column("iteration"), *(Column(name, unit, f".{places}f", missing="") for name, unit, places in TABLE)]
     return as_csv(columns, ([number, *(row[name].value for name, *_ in TABLE)] for number, row in rows.items()))
+
+
+def densities(lines, numbers):
+    """Return dQ/dV over the voltage, as curves, for charge and discharge of the first and the last of some cycles."""
+    curves = []
+    for number in dict.fromkeys([*numbers[:1], *numbers[-1:]]):
+        part = next(each for each in lines if number in each["cycle"])
+        own = part["cycle"] == number
+        data = series(*(part[name][own] for name in ("time", "voltage", "current")))
+        for kind in (StepKind.CHARGE, StepKind.DISCHARGE):
+            for found in incremental_capacities(data, kind)[:1]:
+                name = f"{kind.value}, cycle {number}"
+                curves.append(Curve(name=name, x=found.voltage[::2].tolist(), y=found.density[::2].tolist()))
+    return curves
 
 
 def median_of(cycles, known):
@@ -340,6 +355,8 @@ def test_charge(cell, iterations, check, chart, step, artifact, parameters):
                 x=("cycle", "1"),
                 y=(quantity, unit),
             )
+        if curves := densities(lines, [number for number, each in made.items() if each.complete]):
+            chart("Incremental capacity", *curves, x=("voltage", "V"), y=("dQ/dV", "A.h/V"))
     with step("Hold capacity and energy against what is declared"):
         capacity, energy = median_of(made.values(), known)
         told += [gate for summary in summaries for gate in untold(summary)]

@@ -96,6 +96,17 @@ def test_what_the_run_concludes(healthy):
         assert "energy_ratio: 1.366" in event["reason"]
 
 
+def test_the_first_page_shows_where_the_cell_takes_its_charge(healthy):
+    """dQ/dV of the first and the last cycle: the charge lies higher than the discharge, by the cell's resistance."""
+    (shown,) = [each for each in bodies(healthy.package, "chart") if each["title"] == "Incremental capacity"]
+    assert [each["name"] for each in shown["curves"]] == [
+        f"{kind}, cycle {number}" for number in (1, 10) for kind in ("charge", "discharge")
+    ]
+    tops = [max(zip(each["y"], each["x"], strict=True))[1] for each in shown["curves"]]
+    assert min(tops[0::2]) > max(tops[1::2]) + 0.1
+    assert "Incremental capacity" in healthy.page()
+
+
 def test_the_whole_test_is_recorded(healthy):
     """One recording holds every line of the cycler from first charge to last discharge, and fed every limit on it."""
     (facts,) = [event for event in bodies(healthy.package, "recording") if event["name"] == "test"]

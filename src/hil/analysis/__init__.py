@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from hil.analysis.battery.half_cycle import Limits, end_uncertainty
     from hil.analysis.battery.series import series
     from hil.analysis.battery.steps import StepKind
-    from hil.analysis.battery.summary import summarise
+    from hil.analysis.battery.summary import incremental_capacities, summarise
     from hil.analysis.coil import expected_field, field_ratio, line_residuals, linearity, resistance
     from hil.analysis.comparison import rank, relative_deviation
     from hil.analysis.drift import drift_of, fragments
@@ -91,6 +91,7 @@ __all__ = [
     "field_ratio",
     "fragments",
     "from_json",
+    "incremental_capacities",
     "joule_integral",
     "line_residuals",
     "linearity",
@@ -136,7 +137,7 @@ _MODULES = {
     "battery.half_cycle": ("Limits", "end_uncertainty"),
     "battery.series": ("series",),
     "battery.steps": ("StepKind",),
-    "battery.summary": ("summarise",),
+    "battery.summary": ("incremental_capacities", "summarise"),
     "coil": ("expected_field", "field_ratio", "line_residuals", "linearity", "resistance"),
     "comparison": ("rank", "relative_deviation"),
     "drift": ("drift_of", "fragments"),
