@@ -108,7 +108,7 @@ def test_what_is_wrong_under_the_lamp_passes_nothing(tmp_path):
     changes = {
         'bias_y: ["0.55", "-0.020091", "0"]': 'bias_y: ["0.55", "-0.2", "0"]',
         'drift: ["0.031", "0.017442", "-0.067986"]': 'noise: ["0", "0.5", "0.5"]',
-        "    lsm1:\n      truth:": "    lsm1:\n      faults: [{kind: temperature-raw}]\n      truth:",
+        "    lsm1:\n      truth:": "    lsm1:\n      faults: [{kind: temperature-raw, from: 380 s}]\n      truth:",
     }
     ran = thermal_workspace(tmp_path / "workspace", LAMP, bench=changes).run(**ON_IMU)
     found = requirements_of(ran)
@@ -146,7 +146,7 @@ def test_every_fragment_says_what_it_shows_or_why_nothing(vacuum):
 def test_a_sensor_that_falls_silent_costs_one_log(tmp_path):
     """The log breaks off, the next one begins with sensors that were started again, and nothing passes."""
     place = "    bno1:\n      truth:"
-    silent = {place: "    bno1:\n      faults: [{kind: dead, from: 200 s, to: 260 s}]\n      truth:"}
+    silent = {place: "    bno1:\n      faults: [{kind: dead, from: 200 s, until: 260 s}]\n      truth:"}
     ran = thermal_workspace(tmp_path / "workspace", VACUUM, bench=silent).run(**ON_IMU)
     assert ran.verdicts() == {"test_vacuum": "INCONCLUSIVE"}, ran.out
     logs = {row["log"] for row in fragment_table(ran)}
