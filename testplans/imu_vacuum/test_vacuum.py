@@ -162,18 +162,24 @@ def judge(found, check):
                     check(f"IMU-TVC-{requirement}", parameter, not_observable(f"{unit}/{per}"), of=of, doubts=why)
 
 
-def draw(found, chart):
-    """Draw every sensor over temperature, one curve per axis and way, without the mean of each axis."""
+def draw(found, chart, reference):
+    """Draw every sensor over temperature, all ways together, without the means, and the lines of the widest way."""
     for name in NAMES:
         ways = [each for each in found if each.name == name and each.changed >= _STEADY_K]
-        for each in ways:
-            curves = [
-                Curve(name=f"{axis}, {each.log}", x=drift.temperature, y=drift.value - drift.value.mean())
-                for axis, drift in each.drifts.items()
-                if len(drift.time)
-            ]
-            if curves:
-                chart(f"{name} over temperature", *curves, x=("temperature", "degC"), y=("change", each.unit))
+        if not ways:
+            continue
+        widest, curves = max(ways, key=lambda each: each.changed), []
+        for axis, line in widest.drifts.items():
+            if line.why("slope"):
+                continue
+            told = [each.drifts[axis] for each in ways if len(each.drifts[axis].time)]
+            value = np.concatenate([each.value for each in told])
+            ends = np.array([line.temperature.min(), line.temperature.max()])
+            model = (ends, line.offset.value + line.slope.value * (ends - reference) - value.mean())
+            across = np.concatenate([each.temperature for each in told])
+            curves.append(Curve(name=axis, x=across, y=value - value.mean(), model=model))
+        if curves:
+            chart(f"{name} over temperature", *curves, x=("temperature", "degC"), y=("change", ways[0].unit))
 
 
 @pytest.mark.requirement(*(f"IMU-TVC-{number}" for number in ("010", "011", "020", "021", "022", "030", "031")))
@@ -198,5 +204,5 @@ def test_vacuum(thermal, clock, sensor_set, check, chart, step, artifact, parame
         check("IMU-TVC-011", "recorded", Figure(value=recorded / lasted, unit="1"))
     with step("Say what each fragment shows"):
         artifact("fragments.csv", table(found))
-        draw(found, chart)
+        draw(found, chart, parameters.reference)
         judge(found, check)
