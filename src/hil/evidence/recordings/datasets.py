@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import os
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -14,10 +18,12 @@ __all__ = [
     "Dataset",
     "add_dataset",
     "describe",
+    "have_room",
     "listed_words",
     "open_dataset",
     "read_part",
     "require_own",
+    "told_by_number",
     "told_of",
     "write_part",
 ]
@@ -28,6 +34,33 @@ Dataset = Any
 _CHUNK = 16_384
 _SMALL = 1_024
 """Up to this many rows a dataset is stored as it is: chunks and compression would make it larger."""
+
+_HEAD_BYTES = 64_000
+"""More than a file has beside its datasets."""
+_COLUMN_BYTES = 8 * _CHUNK + 16_000
+"""More than a dataset has beside its numbers: the rest of its last chunk, its index and its attributes."""
+
+
+def have_room(path: Path, rows: int, columns: int) -> None:
+    """Ask the disk for all that the file may take: HDF5 that finds no space while it writes may end the process.
+
+    Raises:
+        OSError: if there is not as much.
+    """
+    with path.open("wb") as stream:
+        if hasattr(os, "posix_fallocate"):
+            os.posix_fallocate(stream.fileno(), 0, _HEAD_BYTES + columns * (_COLUMN_BYTES + 8 * rows))
+
+
+@contextmanager
+def told_by_number() -> Iterator[None]:
+    """Raise what a disk refuses as an OSError; h5py raises it as a RuntimeError where it closes a file."""
+    try:
+        yield
+    except RuntimeError as error:
+        if number := re.search(r"errno = (\d+)", str(error)):
+            raise OSError(int(number[1]), os.strerror(int(number[1]))) from error
+        raise
 
 
 def add_dataset(group: Any, name: str, rows: int) -> Dataset:  # noqa: ANN401 - h5py publishes no types

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import os
-import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -17,10 +15,12 @@ from hil.evidence.recordings.datasets import (
     Dataset,
     add_dataset,
     describe,
+    have_room,
     listed_words,
     open_dataset,
     read_part,
     require_own,
+    told_by_number,
     told_of,
     write_part,
 )
@@ -44,10 +44,6 @@ __all__ = [
     "write_hdf5",
 ]
 
-_HEAD_BYTES = 64_000
-"""More than a file has beside its datasets."""
-_COLUMN_BYTES = 8 * 16_384 + 16_000
-"""More than a dataset has beside its numbers: the rest of its last chunk, its index and its attributes."""
 _TIME = {"unit": "s", "meaning": "bench time"}
 _TIME_OF_CAPTURE = {"unit": "s", "meaning": "time after the trigger"}
 
@@ -133,8 +129,8 @@ def write_hdf5(found: RowsFile, path: Path, *, begun: Recording, ended: Recordin
     import h5py  # noqa: PLC0415 - slow to import
 
     names = [channel.name for channel in begun.channels]
-    _have_room(path, found.rows, 1 + len(names))
-    with _told_by_number(), h5py.File(path, "w", libver=("v110", "v110")) as file:
+    have_room(path, found.rows, 1 + len(names))
+    with told_by_number(), h5py.File(path, "w", libver=("v110", "v110")) as file:
         describe(file.id, {**_facts(begun, ended), "order": names or [""]})
         group = file.create_group("channels")
         sets = [add_dataset(file, "time", found.rows), *(add_dataset(group, name, found.rows) for name in names)]
@@ -144,28 +140,6 @@ def write_hdf5(found: RowsFile, path: Path, *, begun: Recording, ended: Recordin
             for dataset, column in zip(sets, table(block, found.width).T.copy(), strict=True):
                 write_part(dataset, place * PIECE, column)
     sync_file(path)
-
-
-def _have_room(path: Path, rows: int, columns: int) -> None:
-    """Ask the disk for all that the file may take: HDF5 that finds no space while it writes may end the process.
-
-    Raises:
-        OSError: if there is not as much.
-    """
-    with path.open("wb") as stream:
-        if hasattr(os, "posix_fallocate"):
-            os.posix_fallocate(stream.fileno(), 0, _HEAD_BYTES + columns * (_COLUMN_BYTES + 8 * rows))
-
-
-@contextmanager
-def _told_by_number() -> Iterator[None]:
-    """Raise what a disk refuses as an OSError; h5py raises it as a RuntimeError where it closes a file."""
-    try:
-        yield
-    except RuntimeError as error:
-        if number := re.search(r"errno = (\d+)", str(error)):
-            raise OSError(int(number[1]), os.strerror(int(number[1]))) from error
-        raise
 
 
 def read_recording(folder: Path, begun: Recording, ended: RecordingEnd | None) -> Recorded:
