@@ -96,14 +96,17 @@ def test_what_was_put_in_is_read_back(ran):
     assert len(white) == 48
     assert [each["doubts"] for each in white.values() if each.get("doubts")] == []
     assert {each["verdict"] for each in white.values()} <= sweeps.chosen({"PASS", "INCONCLUSIVE"}, {"PASS"})
+    # Of 48 axes in two minutes a model or two are rejected by chance; that says nothing of a level.
+    measured = {axis: each for axis, each in white.items() if each["status"] == "measured"}
+    assert len(measured) >= sweeps.chosen(46, 48)
     far = {
         axis: (each["value"], each["uncertainty"], white_of(axis))
-        for axis, each in white.items()
+        for axis, each in measured.items()
         if abs(each["value"] - white_of(axis)) > 3.5 * each["uncertainty"]
     }
     assert far == {}
     flicker = checks(ended.package, "flicker")
-    assert {each["status"] for each in flicker.values()} <= {"measured", "upper limit"}
+    assert {flicker[axis]["status"] for axis in measured} <= {"measured", "upper limit"}
     assert len(flicker) == 48
 
 
@@ -111,7 +114,7 @@ def test_spectrum_and_allan_deviation_agree(ran):
     """Within their uncertainties: a factor of two-sided or of the rate would be seen."""
     _, ended = ran
     found = {axis: each for axis, each in checks(ended.package, "psd_agreement").items() if each["value"] is not None}
-    assert len(found) >= 24
+    assert len(found) >= sweeps.chosen(20, 24)
     for axis, each in found.items():
         assert abs(each["value"]) <= 4.0 * each["uncertainty"], axis
 

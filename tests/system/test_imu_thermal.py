@@ -136,9 +136,9 @@ def test_every_fragment_says_what_it_shows_or_why_nothing(vacuum):
     rows = fragment_table(vacuum)
     assert len({row["length s"] for row in rows}) > 1
     for row in rows:
-        changed = float(row["temperature change K"])
-        assert bool(row["drift per K"]) == (changed >= 5.0)
-        assert bool(row["why nothing is said"]) == (changed < 5.0), row
+        changed, told = float(row["temperature change K"]), bool(row["drift per K"])  # the change is rounded to 0.1 K
+        assert changed >= 4.9 if told else changed <= 5.1
+        assert told == (not row["why nothing is said"]), row
     found = checks(vacuum, "drift")
     assert sum(covers(check, true_drift(str(check["of"]))) for check in found) >= 0.85 * len(found)
 
