@@ -16,7 +16,18 @@ from hil.audit.inputs import Approval, Asked, Filed, Package, Policy, Register, 
 from hil.audit.remembered import CATALOGUE, INSTRUMENTS, UNITS, remember, removed_from
 from hil.evidence.ledger.approvals import Subject, said_of, signers_then
 from hil.evidence.ledger.book import Ledger, append_all, put_object, read, read_object
-from hil.evidence.ledger.entries import Approved, Baseline, Entry, Explained, Reason, Sealed, Signed, Status, set_back
+from hil.evidence.ledger.entries import (
+    ZERO,
+    Approved,
+    Baseline,
+    Entry,
+    Explained,
+    Reason,
+    Sealed,
+    Signed,
+    Status,
+    set_back,
+)
 from hil.model.errors import EvidenceError, Refused
 from hil.model.identity import Dut
 from hil.registers.instruments import RegisteredInstrument
@@ -97,7 +108,7 @@ def record(reports: Path, world: World, document: Document) -> tuple[int, int]:
         How many baselines and how many changes of status were entered.
 
     Raises:
-        EvidenceError: if the ledger cannot be written.
+        EvidenceError: if the ledger cannot be written, or was continued since `world` was read.
     """
     subjects = {**_subjects(world.asked, world.register), ANALYSIS: (world.analysis,)}
     entered = {each.subject for each in world.entries if isinstance(each, Baseline)}
@@ -108,7 +119,7 @@ def record(reports: Path, world: World, document: Document) -> tuple[int, int]:
     baselines = _changed(reports, world.entries, subjects)
     changes = list(_changes(world, document))
     if entries := [*baselines, *changes]:
-        append_all(reports, entries)
+        append_all(reports, entries, after=world.head or ZERO)
     return len(baselines), len(changes)
 
 

@@ -221,7 +221,7 @@ def test_what_was_recorded_is_remembered_and_told_of_its_day(tmp_path):
     """A report and a waiver are entered with the catalogue; a report that changed or is gone is still known."""
     world = failed(filed=filed(REPORT, WAIVER))
     append_all(tmp_path, [msgspec.structs.replace(each, seq=-1, utc="") for each in world.entries])
-    record(tmp_path, replace(world, entries=read(tmp_path).entries), audit(world))
+    record(tmp_path, replace(world, entries=read(tmp_path).entries, head=read(tmp_path).head), audit(world))
     entries = read(tmp_path).entries
     assert reports_ever(tmp_path, entries) == (REPORT,)
     day = entries[-1].utc[:10]

@@ -44,6 +44,20 @@ def test_a_state_that_did_not_change_is_entered_once(tmp_path):
     assert record(tmp_path, changed, audit(changed)) == (1, 1)
 
 
+def test_what_another_audit_entered_meanwhile_is_entered_once(tmp_path):
+    """Of two that were computed from one ledger the second is refused, and enters nothing."""
+    world = recorded(tmp_path, closed_world())
+    changed = replace(world, asked=(msgspec.structs.replace(ASKED, fingerprint="0" * 64),))
+    document = audit(changed)
+    record(tmp_path, changed, document)
+    entered = read(tmp_path).head
+    with pytest.raises(
+        EvidenceError, match=r"continued while this was computed; nothing was entered; repeat the command"
+    ):
+        record(tmp_path, changed, document)
+    assert read(tmp_path).head == entered
+
+
 def test_a_past_day_is_told_from_the_ledger(tmp_path):
     """What changed after the day changes nothing of it: neither text, nor register, nor analysis."""
     world = recorded(tmp_path, closed_world())

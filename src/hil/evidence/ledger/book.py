@@ -166,13 +166,23 @@ def append(reports: Path, entry: _Entry) -> _Entry:
         return _write(reports, descriptor, entry)[0]  # type: ignore[return-value]  # what it was given
 
 
-def append_all(reports: Path, entries: Iterable[Entry]) -> None:
+def append_all(reports: Path, entries: Iterable[Entry], *, after: str | None = None) -> None:
     """Append entries one after the other, on the disk together when this returns.
 
+    Args:
+        reports: the folder of reports.
+        entries: to be appended.
+        after: the head that the ledger must still have, where the entries were concluded from what it said.
+
     Raises:
-        EvidenceError: as `append`.
+        EvidenceError: as `append`, or if the ledger has another head by now; nothing is appended then.
     """
     with _locked(ledger_file(reports)) as descriptor:
+        if after is not None and head(reports) != after:
+            raise EvidenceError(
+                f"{ledger_file(reports)}: the ledger was continued while this was computed; nothing was entered",
+                "repeat the command",
+            )
         _write(reports, descriptor, *entries)
 
 
