@@ -463,7 +463,10 @@ NAMES = [
     ("supply.coyl.enable()", "no 'coyl' among the bench's supply, did you mean 'coil'?"),
     ("supply.coil.enabel()", "supply.coil has no operation 'enabel', did you mean 'enable'?"),
     ("magnetometer.strat()", "magnetometer has no operation 'strat', did you mean 'start'?"),
-    ("magnetometer.wake()", "magnetometer has no operation 'wake'; it has start, stop"),
+    (
+        "magnetometer.wake()",
+        "magnetometer has no operation 'wake'; it has bandwidth, full_scale, resolution, start, stop",
+    ),
 ]
 NAMING = "def NAME(parameters, supply, magnetometer):\n    if magnetometer:\n        {expression}"
 
