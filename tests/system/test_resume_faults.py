@@ -118,8 +118,9 @@ def test_a_resume_that_is_stopped_on_its_record_leaves_the_run_as_it_was(workspa
 def test_a_run_that_was_stopped_twice_to_be_resumed_goes_on(workspace):
     """The second word neither seals the run, nor stops the resumed one, and it is written down."""
     folder = begun(workspace, 10)
-    for _ in range(2):
-        assert workspace.hil("stop", folder.name, "--to-resume").code == 0
+    # Both at once: the run must not have heard the first before the second is given.
+    words = [workspace.start("stop", folder.name, "--to-resume") for _ in range(2)]
+    assert [finish(word, 60).code for word in words] == [0, 0]
     finish(STARTED[-1], 60)
     assert not (folder / "bagit.txt").exists()
     whole(workspace, folder)
