@@ -108,7 +108,9 @@ def test_a_resume_that_is_stopped_on_its_record_leaves_the_run_as_it_was(workspa
     ended = finish(STARTED[-1], 60)
     if ended.code == 0:
         pytest.skip("the resume had ended before it was stopped")
-    assert (ended.code, "was stopped before it resumed" in ended.err) == (2, True)
+    # On a busy machine a Ctrl-C may come before the resume has started; then it says nothing of the run.
+    early = how == "SIGINT" and ended.code == 130
+    assert early or (ended.code, "was stopped before it resumed" in ended.err) == (2, True)
     assert (interrupted / "data/journal.jsonl").read_bytes() == before
     told = [event["text"] for event in bodies(whole(workspace, interrupted), "anomaly")]
     assert told == (["inbox, unheard by Ada: stop, before the run was resumed"] if how == "hil stop" else [])
