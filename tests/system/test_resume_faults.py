@@ -102,7 +102,7 @@ def test_a_resume_that_is_stopped_on_its_record_leaves_the_run_as_it_was(workspa
     time.sleep(0.1)  # it makes its bench
     if how == "hil stop":
         asked = workspace.hil("stop", interrupted.name, "--by", "Ada").code
-        assert asked == 0 or STARTED[-1].poll() is not None
+        assert asked in {0, 4}  # refused where the resume has come to its end meanwhile, which is skipped below
     else:
         os.killpg(STARTED[-1].pid, signal.Signals[how])
     ended = finish(STARTED[-1], 60)
