@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import base64
+import hashlib
+
 import pytest
 import sweeps
+from given_files import CSV, JPEG, PNG
 from told_as_json import bodies
 from workspaces import agreed, make
 
 from hil.evidence.package.verification import verify
-from hil.model.errors import ConfigurationError
+from hil.model.errors import ConfigurationError, Refused
 from hil.plugin.rehearsing import procedure, replay
 
 ASKING = """
@@ -56,31 +60,84 @@ def test_a_hand_instrument_is_evidence_as_one_of_the_bench_is(tmp_path):
     assert (verify(ran.package.folder).findings, replay(ran.package).differences) == ((), ())
 
 
+ATTACHING = """
+@pytest.mark.requirement("T-050")
+def test_attaching(operator, check):
+    operator.attach(
+        "A photo of the jig", name="photo", accepts=("picture",), witness="quality", picture="pictures/jig.jpg"
+    )
+    curve = operator.attach("The curve", name="curve", accepts=("csv",))
+    check("T-050", "voltage", operator.measure("Read the voltmeter", "V", name="voltmeter", uncertainty=0.01))
+    assert curve.text().startswith("voltage")
+"""
+
+
+def test_files_are_evidence(tmp_path):
+    """Copied, hashed, named with who gave and who witnessed them; verified, and the same when replayed."""
+    workspace = make(tmp_path / "workspace", ATTACHING)
+    (workspace.root / "files").mkdir()
+    shown = next((workspace.root / "testplans").glob("*/requirements.yaml")).parent / "pictures/jig.jpg"
+    shown.parent.mkdir()
+    shown.write_bytes(JPEG)
+    (workspace.root / "files/jig.png").write_bytes(PNG)
+    (workspace.root / "files/curve.csv").write_bytes(CSV)
+    path = answers(workspace, '{photo: files/jig.png, curve: files/curve.csv, voltmeter: "4.98"}')
+    path.write_text(path.read_text() + "witnesses: {photo: Quinn Quality}\nby: Ada Engineer\n")
+    ran = workspace.run(answers=path, person=True)
+    agreed(ran, {"test_attaching": "PASS"}, "PASS", 0)
+    photo, curve, _ = bodies(ran.package, "answer")
+    assert (photo["value"], photo["by"], photo["witness"]) == (
+        "jig.png",
+        "Ada Engineer (answers file)",
+        "Quinn Quality",
+    )
+    asked = bodies(ran.package, "question")[0]
+    assert asked["witness"] == "quality"
+    kept = ran.package.folder / asked["picture"]["file"]
+    assert (kept.read_bytes(), asked["picture"]["sha256"]) == (JPEG, hashlib.sha256(JPEG).hexdigest())
+    page = ran.page()
+    for data, kind in ((PNG, "png"), (JPEG, "jpeg")):
+        assert f'src="data:image/{kind};base64,{base64.b64encode(data).decode()}"' in page
+    assert "img-src data:" in page
+    for part in ("curve.csv", curve["file"]["sha256"], "CSV, 24 bytes", "Quinn Quality", "witnessed by"):
+        assert part in page
+    for answer, content in ((photo, PNG), (curve, CSV)):
+        assert (ran.package.folder / "data/attachments" / answer["file"]["file"]).read_bytes() == content
+    assert (verify(ran.package.folder).findings, replay(ran.package).differences) == ((), ())
+    kept = ran.package.folder / "data/attachments" / photo["file"]["file"]
+    kept.chmod(0o600)
+    kept.write_bytes(JPEG)
+    assert any(kept.name in str(finding) for finding in verify(ran.package.folder).findings)
+
+
 @pytest.mark.parametrize(
     ("text", "reason"),
     sweeps.sample(
         [
-            ('{jig-close: "yes"}', "answers.yaml has no answer to 'jig-closed', did you mean 'jig-close'?"),
-            ('{jig-closed: "no"}', "'Is the jig closed?' was not confirmed"),
-            ('{jig-closed: "perhaps"}', "answers.yaml answers 'perhaps' to 'jig-closed'; answer yes or no"),
-            (
-                '{jig-closed: "yes", voltmeter: "much"}',
-                "answers.yaml answers 'much' to 'voltmeter'; answer a number in V",
-            ),
-            (
-                '{jig-closed: "yes", voltmeter: "nan"}',
-                "answers.yaml answers 'nan' to 'voltmeter'; answer a number in V",
-            ),
+            ('{jig-close: "yes", voltmeter: "4.98"}', "answers.yaml:2:22: no case asks 'jig-close', did you mean"),
+            ('{jig-closed: "yes"}', "answers.yaml: no answer to 'voltmeter' (testplans/"),
+            ('{jig-closed: "perhaps", voltmeter: "1"}', "'perhaps' does not answer 'jig-closed': answer yes or no"),
+            ('{jig-closed: "yes", voltmeter: "much"}', "'much' does not answer 'voltmeter': answer a number in V"),
+            ('{jig-closed: "yes", voltmeter: "nan"}', "'nan' does not answer 'voltmeter': answer a number in V"),
         ],
         2,
     ),
 )
-def test_an_answer_that_is_none_is_an_error(tmp_path, text, reason):
-    """A file that does not answer the question ends the case, and says what to write."""
+def test_an_answer_that_is_none_is_told_before_the_run(tmp_path, text, reason):
+    """A file that does not answer the questions of the cases is refused, with its place and what to write."""
     workspace = make(tmp_path / "workspace", ASKING)
-    ran = workspace.run(answers=answers(workspace, text), person=True)
+    with pytest.raises(ConfigurationError) as caught:
+        workspace.run(answers=answers(workspace, text), person=True)
+    assert reason in "\n".join(map(str, caught.value.findings))
+    assert workspace.folders() == []
+
+
+def test_a_no_ends_the_case(tmp_path):
+    """Whoever says it; that is an answer."""
+    workspace = make(tmp_path / "workspace", ASKING)
+    ran = workspace.run(answers=answers(workspace, '{jig-closed: "no", voltmeter: "4.98"}'), person=True)
     agreed(ran, {"test_asking": "ERROR"}, "ERROR", 1)
-    assert reason in ran.reasons("test_asking")
+    assert "'Is the jig closed?' was not confirmed" in ran.reasons("test_asking")
 
 
 def test_a_wrong_answers_file_is_refused_before_the_run(tmp_path):
@@ -94,11 +151,13 @@ def test_a_wrong_answers_file_is_refused_before_the_run(tmp_path):
 
 
 def test_without_a_person_a_question_says_what_to_do(tmp_path):
-    """Asked to ask at a terminal where there is none, the case ends with a way out."""
-    ran = make(tmp_path / "workspace", ASKING).run(person=True)
-    agreed(ran, {"test_asking": "ERROR"}, "ERROR", 1)
-    assert "'Is the jig closed?' needs a person, and there is no terminal" in ran.reasons("test_asking")
-    assert "give an answer to 'jig-closed' with --answers FILE" in ran.reasons("test_asking")
+    """Asked to ask at a terminal where there is none, no run begins, and the error names a way out."""
+    workspace = make(tmp_path / "workspace", ASKING)
+    with pytest.raises(
+        Refused, match=r"nobody would answer .*'jig-closed' \(testplans/.*--answers FILE, or run from a"
+    ):
+        workspace.run(person=True)
+    assert workspace.folders() == []
 
 
 def test_the_simulated_person_says_what_it_does_not_know(tmp_path):
@@ -108,6 +167,7 @@ def test_the_simulated_person_says_what_it_does_not_know(tmp_path):
     assert "the simulated person does not know what 'voltmeter' is" in ran.reasons("test_asking")
 
 
+@pytest.mark.system
 def test_a_procedure_is_rehearsed_with_the_answers_of_the_run(tmp_path):
     """What passes in a run with an answers file passes in `hil plan` with the same file, and not without it."""
     workspace = make(tmp_path / "workspace", ASKING)

@@ -159,15 +159,15 @@ _WHOLE = re.compile(rb'":(?<=[0-9A-Za-z]":)(-?[1-9][0-9]*|0)\.0(?=[,}])')
 """A whole number; where no key ends before it, it stands in a text that begins with a colon."""
 _ZEROS = bytes.maketrans(b"123456789", b"000000000")
 _LONG = b"0" * 16
-_LONG_INTEGER = re.compile(b"[:,[-]0{16}")
-"""One of the largest integers of JSON, after what may stand before it; a fraction may have as many digits."""
+_LONG_INTEGER = re.compile(b"(?:^|[:,[-])0{16}")
+"""One of the largest integers of JSON, alone or after what may stand before it; a fraction may have as many digits."""
 _BEYOND = re.compile(b"[\xf0-\xf7]")
 """How characters begin by which RFC 8785 orders keys otherwise."""
 
 
 def _in_doubt(text: bytes) -> bool:
     """Return whether a text of the library may hold what RFC 8785 writes otherwise: looked at with all digits 0."""
-    if b".0," in text or b".0}" in text or b".0]" in text:  # a whole number that is not a member
+    if b".0," in text or b".0}" in text or b".0]" in text or text.endswith(b".0"):  # a whole number that is no member
         return True
     zeros = text.translate(_ZEROS)
     if b"0e0" in zeros or b"0e-" in zeros or (_LONG in zeros and _LONG_INTEGER.search(zeros) is not None):

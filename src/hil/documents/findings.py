@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TypeVar
 
 from hil.documents.node import Place
 from hil.model.errors import ConfigurationError, Finding
 
 __all__ = ["Findings", "shown"]
 
+_Read = TypeVar("_Read")
 
 _LONGEST = 500
 """A message may quote the contents of the file, which may be megabytes."""
@@ -39,6 +41,16 @@ class Findings:
         """Raise ConfigurationError with every finding, if there is one."""
         if self._findings:
             raise ConfigurationError(tuple(self._findings))
+
+    def require(self, read: _Read | None) -> _Read:
+        """Return what was read.
+
+        Raises:
+            ConfigurationError: with every finding, if there is one, or if nothing was read.
+        """
+        if self._findings or read is None:
+            raise ConfigurationError(tuple(self._findings))
+        return read
 
     def __iter__(self) -> Iterator[Finding]:
         return iter(self._findings)

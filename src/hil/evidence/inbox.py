@@ -45,6 +45,7 @@ class Message:
         file: an attachment's name in `data/attachments`.
         sha256: its hash; of an acknowledgement, that of the guardian's journal that was seen.
         name: that of the question which an answer answers.
+        witness: who witnessed an answer.
     """
 
     kind: str
@@ -55,6 +56,7 @@ class Message:
     file: str = ""
     sha256: str = ""
     name: str = ""
+    witness: str = ""
 
     @property
     def beside(self) -> dict[str, str]:
@@ -71,7 +73,7 @@ def post(
     urgent: bool = False,
     attach: Path | None = None,
     seen: str = "",
-    question: str = "",
+    answers: tuple[str, str] = ("", ""),
 ) -> str:
     """Put a message into a run's inbox and return its name; it is there whole or not at all.
 
@@ -83,7 +85,7 @@ def post(
         urgent: whether a stop shall not wait for the end of the step.
         attach: a file to be copied.
         seen: SHA-256 of what an acknowledgement acknowledges.
-        question: the name of the question that an answer answers.
+        answers: the name of the question that an answer answers, and who witnessed it.
 
     Raises:
         Refused: if the run is sealed, the kind unknown, or the text or attachment too large.
@@ -100,7 +102,15 @@ def post(
     try:
         file, sha256 = _bring(attach, folder / INBOX_FILES, name) if attach else ("", seen)
         message = Message(
-            kind=kind, by=by, text=text, utc=moment, urgent=urgent, file=file, sha256=sha256, name=question
+            kind=kind,
+            by=by,
+            text=text,
+            utc=moment,
+            urgent=urgent,
+            file=file,
+            sha256=sha256,
+            name=answers[0],
+            witness=answers[1],
         )
         write_whole(folder / INBOX / f"{name}{_ENDING}", canonical(asdict(message)))
     except OSError as error:
@@ -192,7 +202,7 @@ def _read(path: Path) -> Message:
 
 
 def _is_plain(message: Message) -> Iterator[bool]:
-    texts = (message.by, message.text, message.utc, message.file, message.sha256, message.name)
+    texts = (message.by, message.text, message.utc, message.file, message.sha256, message.name, message.witness)
     yield all(isinstance(text, str) for text in texts)
     yield isinstance(message.urgent, bool)
     yield re.fullmatch(r"([A-Za-z0-9][A-Za-z0-9._-]*)?", str(message.file)) is not None

@@ -24,6 +24,7 @@ from hil.evidence.events import (
     Fault,
     FrozenLater,
     Gate,
+    GivenFile,
     Hold,
     HoldEnd,
     Note,
@@ -82,7 +83,7 @@ class CaseState:
     not_run: list[str] = field(default_factory=list)
     dut_fault: bool = False
     undecided: bool = False
-    answers: int = 0
+    answers: list[Answer] = field(default_factory=list)
 
     @property
     def own_verdict(self) -> Verdict:
@@ -167,6 +168,7 @@ class RunState:
         gates: the readiness gates of the bench.
         host_gates: those of people, the machine and the guardian.
         attachments: the files that were attached or made.
+        given: the files that were given as answers.
         added: notes, attachments and anomalies since the first gate.
         resumptions: when the run was resumed.
         executed: what was compared of the code that ran.
@@ -192,6 +194,7 @@ class RunState:
         self.gates: list[Gate] = []
         self.host_gates: list[Gate] = []
         self.attachments: list[Attachment] = []
+        self.given: list[GivenFile] = []
         self.added: list[Note | Attachment | Anomaly] = []
         self.resumptions: list[Resumed] = []
         self.trip: Trip | None = None
@@ -307,7 +310,8 @@ class RunState:
             case StepEnd():
                 case.end_step(event)
             case Answer():
-                case.answers += 1
+                case.answers.append(event)
+                self.given += [event.file] if event.file else []
             case Fault():
                 case.dut_fault = case.dut_fault or event.dut
                 case.undecided = case.undecided or event.undecided

@@ -11,7 +11,6 @@ from typing import Protocol
 
 from hil.bench.bound import BoundBench
 from hil.evidence import events
-from hil.evidence.folder import ATTACHMENTS
 from hil.evidence.package.sealing import ReportWriter
 from hil.executive.cases.artifacts import Artifacts
 from hil.executive.cases.case_run import CaseRun
@@ -31,6 +30,8 @@ from hil.executive.journaling.events import Caller, Unheard
 from hil.executive.journaling.freezing import freezing
 from hil.executive.journaling.record import Record
 from hil.executive.people.answers import Answering
+from hil.executive.people.at_hand import at_hand
+from hil.executive.people.files import Shelf
 from hil.executive.resuming.beginnings import Entering, NewRun
 from hil.executive.setup.configuration import Configuration
 from hil.executive.setup.head import PlannedCase
@@ -242,6 +243,7 @@ class Session:
         requirements = {name: self.configuration.catalogue.requirement(name) for name in planned.requirements}
         self._began_ns = self.bench.clock.now_ns()
         used: dict[str, Source] = {}
+        shelf = Shelf(self.record.attachments, self._beginning.attachments, scheduler.point, self._made)
         self.current = CaseRun(
             planned=planned,
             requirements=requirements,
@@ -251,8 +253,8 @@ class Session:
             record=Recorder(
                 steps, scheduler, effects, self.record.store, self.bench.source, required_gaps(requirements.values())
             ),
-            operator=Operator(self._answers, effects, steps, journal, scheduler.point, self.configuration.hand),
-            artifact=Artifacts(steps, effects, journal, self.folder / ATTACHMENTS, self._made),
+            operator=Operator(self._answers, effects, steps, journal, shelf, at_hand(self.configuration, planned.plan)),
+            artifact=Artifacts(steps, effects, journal, shelf.folder, self._made),
             chart=Charts(requirements, steps, journal),
             scheduler=scheduler,
             escapes=Escapes(self.flags, self.configuration.workspace),

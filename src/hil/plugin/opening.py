@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Sequence
 from functools import partial
+
+import pytest
 
 from hil.bench.binding import bind_resumed, bind_simulated
 from hil.bench.bound import BoundBench
@@ -17,6 +20,9 @@ from hil.executive.resuming.preconditions import require_same_cases
 from hil.executive.session import Session, Spectator
 from hil.executive.setup.configuration import Configuration
 from hil.executive.setup.head import PlannedCase
+from hil.model.identity import Source
+from hil.plugin.plans.collection import skipped_cases
+from hil.plugin.plans.prompts import Attended, foreseen, require_answers
 from hil.plugin.terminal.answering import answers_of
 from hil.wire.transcript import Transcript
 
@@ -47,6 +53,8 @@ def open_new(
     if (reach := configuration.reach) is not None:
         require_boards(configuration.bench, reach)
     answers = answers_of(configuration.request, configuration.workspace.shown)
+    if alone:
+        _require_answers(configuration, planned)
     ports = _Ports(configuration)
     try:
         return Session(
@@ -61,6 +69,23 @@ def open_new(
         )
     finally:
         ports.close()
+
+
+def _require_answers(configuration: Configuration, planned: Sequence[PlannedCase]) -> None:
+    """Require that what the cases ask is answered; nothing has been opened by then, and there is no folder of a run."""
+    request, workspace = configuration.request, configuration.workspace
+    outside = configuration.reach is not None
+    attended = Attended(
+        terminal=(sys.stdin is not None and sys.stdin.isatty()) or request.unattended,  # None where it was closed
+        simulated=request.source is Source.SIMULATED and not outside and not request.person,
+        safety=outside,
+    )
+    left_out = skipped_cases({case.id: case for case in planned}, request)
+    items = [(case.id in left_out, case.item) for case in planned if isinstance(case.item, pytest.Item)]
+    by_case = [(skipped, foreseen(item, workspace.root)) for skipped, item in items]
+    asked = [each for _, found in by_case for each in found]
+    due = [each for skipped, found in by_case if not skipped for each in found]
+    require_answers(asked, due, request, attended, workspace.shown)
 
 
 def open_resumed(

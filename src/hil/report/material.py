@@ -11,6 +11,7 @@ from hil.documents.node import Mapping as MappingNode
 from hil.documents.node import Node, Scalar
 from hil.documents.node import Sequence as SequenceNode
 from hil.documents.strict_yaml import parse_yaml
+from hil.evidence.durable import read_plain
 from hil.evidence.events import Event
 from hil.evidence.ledger.entries import ZERO
 from hil.evidence.package.bag import INFO, identifier_of
@@ -91,6 +92,18 @@ class Material:
     def sent(self) -> Mapping[int, str]:
         """Return the UTC at which what came from other terminals was sent; earlier records do not tell it."""
         return {line.event.seq: str(line.wall["sent"]) for line in self._package.lines() if "sent" in line.wall}
+
+    def stamp_of(self, seq: int) -> str:
+        """Return the UTC of an event, by its sequence number."""
+        lines = self._package.lines()
+        return str(lines[seq].wall.get("utc", "")) if 0 <= seq < len(lines) else ""
+
+    def content(self, path: str, most: int) -> bytes:
+        """Return a file of the package; nothing where it is missing or larger than that many bytes."""
+        try:
+            return read_plain(self._package.folder / path, most)
+        except OSError:
+            return b""
 
     def events(self) -> Sequence[Event]:
         """Return the events that stand, in order."""

@@ -19,7 +19,7 @@ _COMPASS_THRESHOLD = 1.0
 class Person:
     """Answers the operator's questions on a simulated bench.
 
-    The bench file maps names of questions to `plant.point`. `attach` needs an input, `choose` and
+    The bench file maps names of questions to `plant.point`. `connect` needs an input, `choose` and
     `measure` need a signal. `confirm` is always yes: on a simulated bench there is nothing to be afraid of.
 
     For a direction the person does what one does with a phone: notes the field without current, switches on,
@@ -41,10 +41,10 @@ class Person:
         """Answer one question.
 
         Args:
-            form: `confirm`, `choose`, `measure` or `attach`.
+            form: `confirm`, `choose`, `measure` or `connect`; `attach` is what `connect` was called before.
             name: the question's name.
             text: what the operator reads; the simulated one goes by name and options alone.
-            options: what can be answered; for `attach` the first is what is asked for.
+            options: what can be answered; for `connect` the first is what is asked for.
 
         Raises:
             Refused: if the person does not know, or what is known is not among the options.
@@ -53,18 +53,20 @@ class Person:
         match form:
             case "confirm":
                 return True
-            case "attach":
-                return self._attach(name, options)
+            case "connect" | "attach":
+                return self._connect(name, options)
             case "choose":
                 return self._choose(name, options)
             case "measure":
                 plant, signal = self._point(name, "signal")
                 return plant.observe(signal)
+        if form == "file":
+            raise Refused(f"the simulated person has no file to attach for '{name}'", "give one with --answers FILE")
         raise Refused(
             f"the simulated person does not know questions of the form '{form}'", "answer with --answers FILE"
         )
 
-    def _attach(self, name: str, options: Sequence[str]) -> str:
+    def _connect(self, name: str, options: Sequence[str]) -> str:
         """Put in place what is asked for, the first option; `none` takes away what is there."""
         plant, point = self._point(name, "input")
         wanted = options[0] if options else ""
@@ -72,7 +74,7 @@ class Person:
         choices = plant.choices(point)
         if not wanted or (choices and value not in choices):
             raise Refused(
-                f"the simulated person has no '{wanted}' to attach for '{name}'",
+                f"the simulated person has no '{wanted}' to connect for '{name}'",
                 f"plant '{plant.name}' has {', '.join(choice for choice in choices if choice) or 'no list of them'}",
             )
         plant.command(**{point: value})

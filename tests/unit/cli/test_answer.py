@@ -38,7 +38,7 @@ def told(tmp_path, monkeypatch):
         monkeypatch.setattr(
             answer, "answer_of", lambda follower, *_: next((line.event for line in follower.read()), None)
         )
-        return answer.command.callback(run="latest", answer="", by="Ada")
+        return answer.command.callback(run="latest", answer="", by="Ada", witness="")
 
     call.posted = lambda: [(message.name, message.text, message.by) for message in peek(tmp_path)]
     return call

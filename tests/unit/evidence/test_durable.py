@@ -8,12 +8,16 @@ import time
 
 import pytest
 
-from hil.evidence.durable import audibly, sync_open
+from hil.evidence import durable
+from hil.evidence.durable import audibly, sync_file, sync_folder, sync_open
+
+FSYNC, RINGS = os.fsync, durable._alarm_rings  # as they are; other tests wait for no disk
 
 
 @pytest.fixture
-def rings():
+def rings(monkeypatch):
     """The instants at which an alarm was heard that rings a hundred times a second."""
+    monkeypatch.setattr(durable, "_alarm_rings", RINGS)
     heard: list[float] = []
     before = signal.signal(signal.SIGALRM, lambda *_: heard.append(time.monotonic()))
     signal.setitimer(signal.ITIMER_REAL, 0.01, 0.01)
@@ -50,3 +54,15 @@ def test_what_the_disk_refuses_is_raised():
     with pytest.raises(OSError, match="No space left"):
         audibly(full)
     audibly(lambda: None)
+
+
+def test_files_and_folders_are_given_to_the_disk(tmp_path, monkeypatch):
+    """The system takes each of them: an open file, one by its path, and a folder's names."""
+    given = []
+    monkeypatch.setattr(os, "fsync", lambda descriptor: given.append((os.fstat(descriptor).st_ino, FSYNC(descriptor))))
+    path = tmp_path / "journal"
+    with path.open("wb") as file:
+        sync_open(file.fileno())
+    sync_file(path)
+    sync_folder(tmp_path)
+    assert given == [(each.stat().st_ino, None) for each in (path, path, tmp_path)]

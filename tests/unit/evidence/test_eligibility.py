@@ -107,7 +107,19 @@ def test_software_that_is_not_proven_is_a_reason(proven, software, reason):
         ("qualification", "FM", {}, "its stage is qualification, which takes a QM, but the device under test is an FM"),
         ("qualification", "QM", {"stage": ""}, "the requirement names no stage"),
         ("qualification", "QM", {"stage": "in-orbit"}, "its stage is in-orbit, which no run closes"),
-        ("qualification", "QM", {"method": "review"}, "its method is review, which no run closes"),
+        (
+            "qualification",
+            "QM",
+            {"method": "review"},
+            "its method is review, and no document was attached in its cases",
+        ),
+        (
+            "qualification",
+            "QM",
+            {"witness": "quality"},
+            "it asks for a witness (quality), and none confirmed an answer",
+        ),
+        ("qualification", "QM", {"independent": True}, "it asks for a witness (somebody else than who did it)"),
         ("qualification", "QM", {"method": "inspection"}, "its method is inspection, and nobody answered"),
     ],
 )

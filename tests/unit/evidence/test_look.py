@@ -6,7 +6,7 @@ import json
 import shutil
 
 import pytest
-from evidence_runs import begin, sealed_run, write_report
+from evidence_runs import begin, sealed_run, writable_copy, write_report
 
 from hil.documents.canonical import canonical
 from hil.evidence import runs
@@ -24,14 +24,18 @@ RESULTS = "data/results.json"
 RECORDING = "data/recordings/001-rest.h5"
 
 
-@pytest.fixture
-def package(tmp_path):
-    """Return a sealed package that may be changed."""
-    folder = create(tmp_path / "reports", bench="flight", dut="SN1")
+@pytest.fixture(scope="module")
+def sealed(tmp_path_factory):
+    """The folder of a sealed run, which nobody changes."""
+    folder = create(tmp_path_factory.mktemp("sealed"), bench="flight", dut="SN1")
     sealed_run(folder)
-    for path in (folder, *folder.rglob("*")):
-        path.chmod(0o755)
     return folder
+
+
+@pytest.fixture
+def package(tmp_path, sealed):
+    """Return a sealed package that may be changed."""
+    return writable_copy(sealed, tmp_path / "reports")
 
 
 def rebag(folder):

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import shutil
 import socket
 
 import bagit
@@ -19,6 +18,7 @@ from evidence_runs import (
     run_fields,
     sealed_run,
     whole_case,
+    writable_copy,
     write_report,
 )
 from told_as_json import bodies, results_as_json
@@ -53,10 +53,7 @@ def sealed(tmp_path_factory):
 @pytest.fixture
 def writable(tmp_path, sealed):
     """Return a writable copy of a sealed package."""
-    copy = shutil.copytree(sealed, tmp_path / "copy", copy_function=shutil.copyfile)
-    for path in (copy, *copy.rglob("*")):
-        path.chmod(0o755)
-    return copy
+    return writable_copy(sealed, tmp_path)
 
 
 def in_place_of(path):

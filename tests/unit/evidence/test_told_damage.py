@@ -6,7 +6,7 @@ import hashlib
 import json
 
 import pytest
-from evidence_runs import begin, check, sealed_run, write_report
+from evidence_runs import begin, check, sealed_run, writable_copy, write_report
 
 from hil.cli.main import main
 from hil.documents.canonical import canonical, parse_strict
@@ -18,14 +18,18 @@ from hil.evidence.package.sealing import info_of, seal
 from hil.evidence.package.verification import State, verify
 
 
-@pytest.fixture
-def package(tmp_path):
-    """Return a sealed package that may be changed."""
-    folder = create(tmp_path / "reports", bench="flight", dut="SN1")
+@pytest.fixture(scope="module")
+def sealed(tmp_path_factory):
+    """The folder of a sealed run, which nobody changes."""
+    folder = create(tmp_path_factory.mktemp("sealed"), bench="flight", dut="SN1")
     sealed_run(folder)
-    for path in (folder, *folder.rglob("*")):
-        path.chmod(0o755)
     return folder
+
+
+@pytest.fixture
+def package(tmp_path, sealed):
+    """Return a sealed package that may be changed."""
+    return writable_copy(sealed, tmp_path / "reports")
 
 
 def rehash(folder, change):
@@ -188,14 +192,18 @@ def whole_but_for(folder, results):
     return verify(folder, Ledger(reports=folder.parent)).findings
 
 
-@pytest.fixture
-def simulated(tmp_path):
-    """Return a sealed package that says why it closes nothing, and may be changed."""
-    folder = create(tmp_path / "reports", bench="flight", dut="SN1")
+@pytest.fixture(scope="module")
+def simulated_run(tmp_path_factory):
+    """The folder of a sealed run on a simulated bench, which nobody changes."""
+    folder = create(tmp_path_factory.mktemp("simulated"), bench="flight", dut="SN1")
     sealed_run(folder, source="simulated")
-    for path in (folder, *folder.rglob("*")):
-        path.chmod(0o755)
     return folder
+
+
+@pytest.fixture
+def simulated(tmp_path, simulated_run):
+    """Return a sealed package that says why it closes nothing, and may be changed."""
+    return writable_copy(simulated_run, tmp_path / "reports")
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ from hil.executive.people.answers import (
     FirstOf,
     Nobody,
     NobodyLive,
+    Prepared,
     SimulatedPerson,
     TerminalPerson,
     load_answers,
@@ -23,7 +24,7 @@ CONFIRM = Question(name="jig", form="confirm", text="Closed?")
 SAFETY = Question(name="fuse", form="confirm", text="Is the fuse in?", safety=True)
 CHOOSE = Question(name="phone", form="choose", text="Which way?", options=("outward", "inward"))
 MEASURE = Question(name="meter", form="measure", text="Read it", unit="V")
-ATTACH = Question(name="board", form="attach", text="Connect x", options=("x", "y"))
+CONNECT = Question(name="board", form="connect", text="Connect x", options=("x", "y"))
 
 
 class Typed:
@@ -62,8 +63,8 @@ class Typed:
         (MEASURE, "12,5\n", 12.5),
         (MEASURE, "0,125\n", 0.125),
         (MEASURE, "-1.25e-3\n", -0.00125),
-        (ATTACH, "yes\n", "x"),
-        (ATTACH, "y\n", "x"),
+        (CONNECT, "yes\n", "x"),
+        (CONNECT, "y\n", "x"),
     ],
 )
 def test_a_person_answers_in_the_form_of_the_question(question, line, value):
@@ -112,10 +113,10 @@ def test_a_file_answers_by_name():
     assert file.answer(CONFIRM).by == "answers file"
 
 
-def test_a_file_attaches_what_it_names():
+def test_a_file_connects_what_it_names():
     """For what is to be connected the file says yes, or what is connected."""
-    assert AnswersFile({"board": "yes"}, "a").answer(ATTACH).value == "x"
-    assert AnswersFile({"board": "x"}, "a").answer(ATTACH).value == "x"
+    assert AnswersFile({"board": "yes"}, "a").answer(CONNECT).value == "x"
+    assert AnswersFile({"board": "x"}, "a").answer(CONNECT).value == "x"
 
 
 @pytest.mark.parametrize(
@@ -154,7 +155,7 @@ def test_a_file_of_answers_is_read_strictly(tmp_path):
     """What is wrong with it is told with its place."""
     file = tmp_path / "a.yaml"
     file.write_text('schema: hil/answers/1\nanswers: {jig: "yes"}\n')
-    assert load_answers(file, "a.yaml") == {"jig": "yes"}
+    assert load_answers(file, "a.yaml") == Prepared(answers={"jig": "yes"})
     file.write_text('schema: hil/answers/1\nanswer: {jig: "yes"}\n')
     with pytest.raises(ConfigurationError, match=r"unknown key 'answer', did you mean 'answers'\?"):
         load_answers(file, "a.yaml")
@@ -190,7 +191,7 @@ def test_an_answer_is_evidence_with_its_question(tmp_path):
         (True, lambda operator: operator.measure("Read", "V", name="meter"), "'True' is not a number for 'meter'"),
         (
             "y",
-            lambda operator: operator.attach("x", "Connect x", name="b", options=["x", "y"]),
+            lambda operator: operator.connect("x", "Connect x", name="b", options=["x", "y"]),
             "'x' was to be connected",
         ),
     ],

@@ -40,6 +40,19 @@ def test_charts_of_one_title_are_one():
     assert "temperature / degC" in first.svg
 
 
+def test_pairs_have_one_colour_each_and_are_filled_and_hollow():
+    """Heating and cooling of an axis are told apart, and so are the axes; other names take one kind after the other."""
+
+    def kinds(*names):
+        svg = draw_chart(chart(*(ChartCurve(name=name, x=(1.0, 2.0), y=(1.0, 2.0)) for name in names)))
+        return [*dict.fromkeys(re.findall(r'class="(mark[^"]*)" d="M', svg))]
+
+    assert kinds("x heating", "x cooling", "y heating") == ["mark k0", "mark hollow k0", "mark k1"]
+    assert kinds("axis x", "axis y", "axis z") == ["mark k0", "mark k1", "mark k2"]
+    assert kinds("axis x", "axis y") == ["mark k0", "mark k1"]
+    assert kinds("up", "down") == ["mark k0", "mark k1"]
+
+
 def test_points_residuals_and_limits_stand_at_their_values():
     """Values and residuals have panels of their own over one lower axis, each with its limit."""
     curve = ChartCurve(
@@ -161,6 +174,15 @@ def test_the_first_page_shows_the_value_nearest_its_limit():
     bad = checked(headline="Error", at="axis z", margin=-0.1, verdict="FAIL")
     (tile,) = headlines(attributed([far, near, bad]))
     assert (tile.verdict, tile.at, tile.among) == ("FAIL", "axis z", "1 of 3 not good")
+
+
+def test_nearness_is_a_part_of_what_each_limit_allows():
+    """A margin of 0.1 is more within a limit of 0.2 than one of 0.4 within a limit of 2, of two sides or of one."""
+    wide, narrow = {"min": "-2", "max": "2", "equals": None}, {"min": "-0.2", "max": "0.2", "equals": None}
+    for others in ({}, {"min": None}):
+        far = checked(headline="Drift", at="far", margin=0.1, limit=narrow | others)
+        near = checked(headline="Drift", at="near", margin=0.4, limit=wide | others)
+        assert headlines(attributed([far, near]))[0].at == "near"
 
 
 def test_every_row_says_its_conditions():

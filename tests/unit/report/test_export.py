@@ -316,6 +316,7 @@ def peak(function):
         tracemalloc.stop()
 
 
+@pytest.mark.system
 def test_memory_of_a_table_does_not_grow_with_its_rows(tmp_path):
     """It is written block by block."""
     peaks = []
@@ -326,6 +327,7 @@ def test_memory_of_a_table_does_not_grow_with_its_rows(tmp_path):
     assert peaks[1] < 1.2 * peaks[0]
 
 
+@pytest.mark.system
 def test_memory_of_a_matlab_file_does_not_grow_with_its_channels(tmp_path):
     """It is written channel by channel, and read back so."""
     path, peaks = tmp_path / "r.h5", []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
@@ -23,14 +24,18 @@ __all__ = ["command"]
 @click.argument("run", metavar="RUN")
 @click.argument("answer", metavar="[ANSWER]", default="")
 @name_option("--by", help="Who answers; asked for if left out.")
-def command(run: str, answer: str, by: str) -> int:
+@name_option("--witness", help="Who witnesses the answer, if the question needs a witness; asked for if left out.")
+def command(run: str, answer: str, by: str, witness: str) -> int:
     """Answer the question that a run is waiting on, such as a run that was started with --detach.
 
     Without ANSWER, show the question and read the answer from this terminal; a safety confirmation is always given
-    this way. Exit codes: 0, or 1 if the run does not take the answer.
+    this way. The answer to a question for a file is the path of the file. Exit codes: 0, or 1 if the run does not take
+    the answer.
     """
     from hil.evidence.events import Anomaly, Answer  # noqa: PLC0415 - only when it is used
     from hil.evidence.inbox import post  # noqa: PLC0415 - only when it is used
+    from hil.executive.people.files import said_path  # noqa: PLC0415 - only when it is used
+    from hil.executive.people.questions import FILE  # noqa: PLC0415 - only when it is used
     from hil.report.live.following import Follower  # noqa: PLC0415 - only when it is used
     from hil.report.page.incidents import answered  # noqa: PLC0415 - only when it is used
 
@@ -41,11 +46,20 @@ def command(run: str, answer: str, by: str) -> int:
     question = _asked(folder.name, asked)
     said = _given(question, answer) if answer else _read(question)
     name = by.strip() or _line("Your name")
+    seen_by = _witness(question, name, witness)
     follower.read()
     if follower.outlook.asked is not asked:  # a person took time; another question may have the same name
         click.echo(f"not taken: '{question.name}' is no longer asked", err=True)
         return 1
-    post(folder, "answer", text=said, by=name, question=question.name)
+    file = said_path(said, Path.cwd()) if question.form == FILE else None
+    post(
+        folder,
+        "answer",
+        text=file.name if file else said,
+        by=name,
+        answers=(question.name, seen_by),
+        attach=file,
+    )
     told = answer_of(follower, Answer, Anomaly)
     if told is None:
         click.echo("the run has not read the answer yet; hil status shows whether it is still running")
@@ -70,7 +84,21 @@ def _asked(run: str, asked: Asked | AskedAgain | None) -> Question:
         options=asked.options,
         unit=getattr(asked, "unit", ""),
         safety=asked.safety,
+        witness=getattr(asked, "witness", ""),
+        picture=getattr(asked, "picture", None),
     )
+
+
+def _witness(question: Question, by: str, witness: str) -> str:
+    """Return who witnesses the answer, asked at this terminal where nobody is named; empty if nobody has to."""
+    from hil.executive.people.questions import witness_problem  # noqa: PLC0415 - heavy
+
+    if not question.witness:
+        return ""
+    name = witness.strip() or _line(f"Witness ({question.witness}), your name")
+    if problem := witness_problem(question, by, name):
+        raise Refused(problem, "name another person with --witness")
+    return name
 
 
 def _given(question: Question, answer: str) -> str:
@@ -84,7 +112,17 @@ def _given(question: Question, answer: str) -> str:
         )
     if understood(question, answer) is None:
         raise Refused(f"'{answer}' does not answer '{question.text}'", f"answer {form(question)}")
+    if problem := _problem(question, answer):
+        raise Refused(problem, f"answer {form(question)}")
     return answer
+
+
+def _problem(question: Question, answer: str) -> str:
+    """Return why the run would not take a file, empty for any other answer."""
+    from hil.executive.people.files import problem_of, said_path  # noqa: PLC0415 - heavy
+    from hil.executive.people.questions import FILE  # noqa: PLC0415 - heavy
+
+    return problem_of(said_path(answer, Path.cwd()), question.options) if question.form == FILE else ""
 
 
 def _read(question: Question) -> str:
@@ -98,9 +136,13 @@ def _read(question: Question) -> str:
     if question.safety:
         _require_terminal(spoken(question))
         Terminal().discard()
-    while understood(question, said := _line(spoken(question))) is None:
-        pass
-    return said
+    while True:
+        said = _line(spoken(question))
+        problem = _problem(question, said)
+        if understood(question, said) is not None and not problem:
+            return said
+        if problem:
+            click.echo(problem, err=True)
 
 
 def _line(text: str) -> str:

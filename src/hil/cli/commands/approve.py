@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 __all__ = ["command"]
 
-_NUMBERS = ("NCR-", "W-")
+_NUMBERS = ("NCR-", "W-", "V-")
 
 
 @click.command(
@@ -28,14 +28,15 @@ _NUMBERS = ("NCR-", "W-")
 @KEY
 @PRINCIPAL
 def command(run: str, role: str, meaning: str, key: Path, principal: str) -> int:
-    """Approve a package, a nonconformance report or a waiver in a role, with an SSH key.
+    """Approve a package, a nonconformance report, a waiver or a verification in a role, with an SSH key.
 
     An approval counts only if you hold the role that day, your key is valid, and you neither ran nor signed the
     package, nor wrote the report or the waiver. If it would not count, nothing is entered. It is kept in the ledger;
     hil verify shows it for a package.
 
-    NUMBER is that of a report or a waiver of the workspace, such as NCR-0007 in the role nonconformance or W-0003 in
-    the role waiver. You approve its present content: changed afterwards, it has to be approved again.
+    NUMBER is that of a record of the workspace, such as NCR-0007 in the role nonconformance, W-0003 in the role
+    waiver, or V-0012 in the role verification. You approve its present content: changed afterwards, it has to be
+    approved again. Who made a verification may approve it, unless the requirement says independent.
     """
     from hil.evidence.ledger.approvals import approve  # noqa: PLC0415 - heavy
     from hil.registers.signers import load_signers  # noqa: PLC0415 - heavy
@@ -60,7 +61,7 @@ def _package(run: str) -> tuple[Path, Subject]:
 
 
 def _record(number: str) -> tuple[Path, Subject]:
-    """Return the reports folder, and what is approved of a report or a waiver of the workspace."""
+    """Return the reports folder, and what is approved of a record of the workspace."""
     from hil.audit.reading import record_subject  # noqa: PLC0415 - heavy
     from hil.cli.commands.audit import workspace_folders  # noqa: PLC0415 - heavy
 

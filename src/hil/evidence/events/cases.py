@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, ClassVar, Literal
 
-from hil.evidence.events.event import Event, Origin, Part
+from hil.evidence.events.event import Event, Part
 from hil.model.identity import Source
 from hil.model.verdict import Verdict
 from hil.requirements.requirement import Decision
 
 __all__ = [
-    "Answer",
     "Bounds",
     "Case",
     "CaseEnd",
@@ -23,7 +22,6 @@ __all__ = [
     "Effect",
     "Fault",
     "NotRun",
-    "Question",
     "Step",
     "StepEnd",
 ]
@@ -139,55 +137,6 @@ class Effect(Event, frozen=True, kw_only=True):
     arguments: Mapping[str, Any]
     result: Any
     raised: str = ""
-
-
-class Question(Event, frozen=True, kw_only=True):
-    """A person is asked.
-
-    Attributes:
-        case: the case that asks.
-        step: the number of its step, empty outside steps.
-        name: the question's name.
-        form: `confirm`, `choose`, `measure` or `attach`.
-        text: what the person reads.
-        options: the possible answers, if they are given.
-        unit: the unit of the number asked for.
-        safety: whether somebody's safety depends on the answer.
-        instrument: the name of what the number is read off, in the register of instruments; empty if not told.
-    """
-
-    case: str
-    step: str
-    name: str
-    form: str
-    text: str
-    options: tuple[str, ...]
-    unit: str = ""
-    safety: bool = False
-    instrument: str = ""
-
-    origin: ClassVar[Origin] = Origin.PERSON
-
-
-class Answer(Event, frozen=True, kw_only=True):
-    """What a person answered.
-
-    Attributes:
-        case: the case that asked.
-        step: the number of its step, empty outside steps.
-        name: the question's name.
-        value: the answer.
-        by: who gave it.
-    """
-
-    case: str
-    step: str
-    name: str
-    value: bool | float | str
-    by: str
-
-    origin: ClassVar[Origin] = Origin.PERSON
-    synced: ClassVar[bool] = True
 
 
 class Bounds(Part, frozen=True, kw_only=True):

@@ -1,19 +1,23 @@
-"""Events of people: what they added, asked for and acknowledged."""
+"""Events of people: what they were asked and answered, added, asked for and acknowledged."""
 
 from __future__ import annotations
 
 from typing import ClassVar
 
-from hil.evidence.events.event import Event, Origin
+from hil.evidence.events.event import Event, Origin, Part
 
 __all__ = [
     "Acknowledged",
+    "Answer",
     "AskedAgain",
     "Attachment",
     "Called",
     "Confirmed",
+    "GivenFile",
     "HoldAsked",
     "Note",
+    "PlanPicture",
+    "Question",
     "Reached",
 ]
 
@@ -147,3 +151,90 @@ class Acknowledged(Event, frozen=True, kw_only=True):
     guardian: str
 
     origin: ClassVar[Origin] = Origin.OUTSIDE
+
+
+class PlanPicture(Part, frozen=True, kw_only=True):
+    """A picture of a plan that a question shows.
+
+    Attributes:
+        file: its path in the package.
+        sha256: its hash.
+    """
+
+    file: str
+    sha256: str
+
+
+class Question(Event, frozen=True, kw_only=True):
+    """A person is asked.
+
+    Attributes:
+        case: the case that asks.
+        step: the number of its step, empty outside steps.
+        name: the question's name.
+        form: `confirm`, `choose`, `measure`, `connect` or `file`; `attach` in older packages, for `connect`.
+        text: what the person reads.
+        options: the possible answers, if they are given; for `file` the kinds of files that are taken.
+        unit: the unit of the number asked for.
+        safety: whether somebody's safety depends on the answer.
+        instrument: the name of what the number is read off, in the register of instruments; empty if not told.
+        witness: who has to be present, by role or name; empty if nobody has to.
+        picture: what the person is shown beside the text.
+    """
+
+    case: str
+    step: str
+    name: str
+    form: str
+    text: str
+    options: tuple[str, ...]
+    unit: str = ""
+    safety: bool = False
+    instrument: str = ""
+    witness: str = ""
+    picture: PlanPicture | None = None
+
+    origin: ClassVar[Origin] = Origin.PERSON
+
+
+class GivenFile(Part, frozen=True, kw_only=True):
+    """A file that a person gave as an answer.
+
+    Attributes:
+        file: its name in `data/attachments`.
+        given: the name that it had, in letters that no terminal obeys.
+        type: what it is by its content: `pdf`, `png`, `jpeg`, `step`, `csv` or `text`.
+        size: its size in bytes.
+        sha256: its hash.
+    """
+
+    file: str
+    given: str
+    type: str
+    size: int
+    sha256: str
+
+
+class Answer(Event, frozen=True, kw_only=True):
+    """What a person answered.
+
+    Attributes:
+        case: the case that asked.
+        step: the number of its step, empty outside steps.
+        name: the question's name.
+        value: the answer; for a file the name that it had.
+        by: who gave it.
+        file: the file that was given.
+        witness: the name of the witness who confirmed it, empty if none was asked for.
+    """
+
+    case: str
+    step: str
+    name: str
+    value: bool | float | str
+    by: str
+    file: GivenFile | None = None
+    witness: str = ""
+
+    origin: ClassVar[Origin] = Origin.PERSON
+    synced: ClassVar[bool] = True

@@ -43,6 +43,7 @@ class Subject:
         operator: who ran it, as the run recorded it, or who wrote the record.
         content: the content of a record, which has no seal; empty for a package.
         others: who else may not approve a record: the operators of the runs that it speaks of.
+        alone: whether its author may approve a record, which then is the author's signature.
     """
 
     run: str
@@ -50,6 +51,7 @@ class Subject:
     operator: str
     content: bytes = b""
     others: tuple[str, ...] = ()
+    alone: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -315,7 +317,7 @@ def _not_entitled(subject: Subject, signers: Signers, principal: str, role: str,
         held = ", ".join(f"{each.role} {each.since} to {each.until or 'now'}" for each in person.roles)
         return f"{principal} does not hold the role {role} on {utc[:10]}, but {held or 'none'}"
     who, what = ("author", subject.run) if subject.content else ("operator", "the package")
-    for name in (subject.operator, *subject.others):
+    for name in () if subject.alone else (subject.operator, *subject.others):
         author = signers.called(name)
         if author is None:
             return (

@@ -342,9 +342,10 @@ def _row_findings(folder: Path, path: str, claim: Mapping[int, str], rows: int) 
 
 
 def _attachment_findings(sources: Sources, hashes: Hashes) -> Iterator[Finding]:
-    for event in sources.state.attachments:
-        path = f"{ATTACHMENTS}/{event.file}"
-        if hashes.get(path) != event.sha256:
+    given = [(each.file, each.sha256) for each in sources.state.given]
+    for file, digest in [*((each.file, each.sha256) for each in sources.state.attachments), *given]:
+        path = f"{ATTACHMENTS}/{file}"
+        if hashes.get(path) != digest:
             yield Finding(shown(path), 0, 0, "this is not the attachment that the journal names")
 
 

@@ -115,6 +115,7 @@ def _introduced(reading: JournalReading) -> Iterator[str]:
     state = fold(reading.events)
     yield from (f"{RECORDINGS}/{name}.h5" for name in state.recordings)
     yield from (f"{ATTACHMENTS}/{event.file}" for event in state.attachments)
+    yield from (f"{ATTACHMENTS}/{given.file}" for given in state.given)
     yield from _alone(reading.events)
 
 

@@ -80,7 +80,7 @@ def list_folder(folder: Path) -> Listing:
 
 def _looked_at(folder: Path, here: str) -> Iterator[tuple[str, int]]:
     """Give path and kind of everything directly in one folder."""
-    with os.scandir(folder / here) as found:
+    with os.scandir(os.path.join(folder, here)) as found:  # noqa: PTH118 - a path of many parts is long in the making
         for entry in found:
             yield f"{here}/{entry.name}" if here else entry.name, stat.S_IFMT(entry.stat(follow_symlinks=False).st_mode)
 

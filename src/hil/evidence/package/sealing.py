@@ -276,7 +276,7 @@ def _tidy(folder: Path) -> None:
 
 def _remove_halves(folder: Path) -> None:
     """Remove files that a killed process left half written."""
-    for place in (folder, folder / "data", folder / RECORDINGS):
+    for place in (folder, *(folder / "data" / name for name in (".", "attachments", "recordings"))):
         for half in place.glob(f"*{PART}"):
             half.unlink()
 

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache, lru_cache
+from functools import cache
 
-from hil.evidence.events import Check, Gate
+from hil.evidence.events import Answer, Check, Gate
 from hil.evidence.results.facts import Facts, FrozenCalibration, FrozenRequirement
 from hil.evidence.results.outcome import AS_INSTALLED, EXCEPTION, EXECUTED, CaseOutcome, Condition
 from hil.evidence.results.software import TELLS_OF_EXECUTED, condition, each_of, of_software
@@ -24,11 +24,14 @@ _NOTHING = FrozenRequirement()
 _ENVELOPE = "envelope "
 MODELS = {Purpose.QUALIFICATION: Model.QM, Purpose.ACCEPTANCE: Model.FM}
 """Which model of a device a purpose, and the stage of that name, asks for."""
+_BY_DOCUMENTS = frozenset({"analysis", "review"})
+_MOST, _SHORT = 3, 12
 _OF_BENCH = frozenset({"source", "instruments", "port"})
 _OF_UNIT = frozenset({"model", "purpose"})
 _OTHER_PURPOSE = ", but the run's purpose is "
 _IN_CATALOGUE = condition("catalogue", True, "it is in the frozen catalogue")
 _NOT_IN_CATALOGUE = condition("catalogue", False, "it is not in the frozen catalogue")
+_IS_TEST = condition("method", True, "its method is test")
 _FROM_INSTRUMENTS = condition("values", True, "every value came from instruments, recordings or people")
 
 
@@ -95,7 +98,7 @@ class Eligibility:
             self._verdict(verdict),
             carried.coverage,
             _NOT_IN_CATALOGUE if entry is None else _IN_CATALOGUE,
-            _method((entry or _NOTHING).method, answered=carried.answered),
+            *_method(entry or _NOTHING, carried.answers),
             *self._stage((entry or _NOTHING).stage),
             *(each_of("values", open_values, "") if open_values else (_FROM_INSTRUMENTS,)),
             *carried.of_used,
@@ -119,13 +122,13 @@ class _Carried:
 
     Attributes:
         coverage: whether there are such cases.
-        answered: whether a person answered a question of them.
+        answers: what persons answered in them.
         instruments: the instruments behind their recordings, and those with a certificate that they used.
         of_used: the conditions of the instruments that they used.
     """
 
     coverage: Condition
-    answered: bool
+    answers: tuple[Answer, ...]
     instruments: frozenset[str]
     of_used: tuple[Condition, ...]
 
@@ -135,7 +138,7 @@ def _carried(cases: Sequence[CaseOutcome], state: RunState, facts: Facts) -> _Ca
     certified = {name for name in used if facts.calibration.get(name, _NO_RECORD).due}
     return _Carried(
         coverage=condition("coverage", bool(cases), _told(len(cases)), "no planned case carries it"),
-        answered=any(state.cases[case.case].answers for case in cases),
+        answers=tuple(answer for case in cases for answer in state.cases[case.case].answers),
         instruments=frozenset(_recorded_by(cases, state) | certified),
         of_used=(*_instruments(used), *_identities(used, state)),
     )
@@ -265,13 +268,31 @@ def _gates(state: RunState) -> Iterator[Condition]:
     yield from each_of("readiness", [*none, *refused, *left], f"{len(state.gates)} readiness gates hold")
 
 
-@lru_cache
-def _method(method: str | None, *, answered: bool) -> Condition:
-    if method == "inspection":
+def _method(entry: FrozenRequirement, answers: Sequence[Answer]) -> Iterator[Condition]:
+    """A test closes by what was measured, anything else by what persons said, and by the documents that they gave."""
+    method = entry.method
+    if method in _BY_DOCUMENTS:
+        given = [f"{each.file.given} ({each.file.sha256[:_SHORT]}...) by {each.by}" for each in answers if each.file]
+        told = f"its method is {method}, and no document was attached in its cases"
+        yield condition("method", bool(given), f"its method is {method}, and documents are there: {_some(given)}", told)
+    elif method == "inspection":
         told = "its method is inspection, and nobody answered a question of its cases"
-        return condition("method", answered, "its method is inspection, and a person answered", told)
-    told = f"its method is {method}, which no run closes" if method else "the requirement names no method"
-    return condition("method", method == "test", "its method is test", told)
+        yield condition("method", bool(answers), "its method is inspection, and a person answered", told)
+    elif method == "test":
+        yield _IS_TEST
+    else:
+        told = f"its method is {method}, which no run closes" if method else "the requirement names no method"
+        yield condition("method", False, told)
+    if entry.witness or entry.independent:
+        seen_by = sorted({each.witness for each in answers if each.witness})
+        who = entry.witness or "somebody else than who did it"
+        told = f"it asks for a witness ({who}), and none confirmed an answer of its cases"
+        yield condition("witness", bool(seen_by), f"witnessed by {', '.join(seen_by)} ({who})", told)
+
+
+def _some(names: Sequence[str]) -> str:
+    more = len(names) - _MOST
+    return ", ".join(names[:_MOST]) + (f" and {more} more" if more > 0 else "")
 
 
 def _stage(stage: str, state: RunState) -> Iterator[Condition]:

@@ -77,6 +77,8 @@ class FrozenRequirement(msgspec.Struct, frozen=True, kw_only=True):
     withdrawn: bool = False
     records: Mapping[str, Any] | None = None
     limits: tuple[FrozenLimit, ...] = ()
+    witness: str = ""
+    independent: bool = False
 
 
 class FrozenRange(msgspec.Struct, frozen=True, kw_only=True):
@@ -302,6 +304,8 @@ def _entry(item: Requirement) -> FrozenRequirement:
         over=item.over,
         fingerprint=item.fingerprint,
         withdrawn=item.withdrawn,
+        witness=item.witness,
+        independent=item.independent,
         records=None if item.records is None else asdict(item.records),
         limits=msgspec.convert(item.limits, tuple[FrozenLimit, ...], from_attributes=True),
     )

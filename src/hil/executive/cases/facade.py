@@ -122,7 +122,13 @@ class Facade(OfThisProcess):
     @property
     def streamed(self) -> Streamed | None:
         """The role as `record` lets it run by itself, None if it cannot."""
-        return self._role if hasattr(self._role, "drain") else None  # type: ignore[return-value]  # it was looked at
+        able = hasattr(self._role, "drain") and getattr(self._role, "streams", True)
+        return self._role if able else None  # type: ignore[return-value]  # the attributes were looked at
+
+    @property
+    def alone(self) -> bool:
+        """Whether `record` must let it run by itself."""
+        return self.streamed is not None and not getattr(self._role, "can_be_asked", False)
 
     @property
     def captured(self) -> Captured | None:

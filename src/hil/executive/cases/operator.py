@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
-from types import MappingProxyType
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import cast, overload
+
+import msgspec
 
 from hil.documents.suggest import did_you_mean
 from hil.evidence import events
@@ -13,14 +15,72 @@ from hil.evidence.events import EventSink
 from hil.executive.cases.certificate import standard_uncertainty, uncovered
 from hil.executive.cases.effects import Effects, Where
 from hil.executive.cases.escapes import OfThisProcess
-from hil.executive.people.questions import AnswerSource, Declined, Question
+from hil.executive.cases.steps import file_part
+from hil.executive.people.at_hand import AtHand
+from hil.executive.people.files import Shelf, kinds_of
+from hil.executive.people.questions import FILE, Answer, AnswerSource, Declined, Question, form, witness_problem
 from hil.executive.setup.hand_instruments import HandInstrument
 from hil.model.bench import InstrumentSpec
 from hil.model.errors import HilError, Misused
 from hil.model.figure import Figure
 from hil.model.provenance import Provenance, Word, answer_to
 
-__all__ = ["Operator"]
+__all__ = ["Attached", "Operator"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Attached:
+    """A file that a person gave.
+
+    Attributes:
+        name: the name that it had.
+        file: its name in `data/attachments` of the package.
+        type: `pdf`, `png`, `jpeg`, `step`, `csv` or `text`.
+        size: its size in bytes.
+        sha256: its hash.
+        by: who gave it.
+    """
+
+    name: str
+    file: str
+    type: str
+    size: int
+    sha256: str
+    by: str
+    _shelf: Shelf = field(repr=False, compare=False)
+
+    @classmethod
+    def of(cls, told: object, shelf: Shelf) -> Attached:
+        """Return what an effect tells of a file."""
+        facts = cast("Mapping[str, str]", told)
+        return cls(
+            name=facts["given"],
+            file=facts["file"],
+            type=facts["type"],
+            size=int(facts["size"]),
+            sha256=facts["sha256"],
+            by=facts["by"],
+            _shelf=shelf,
+        )
+
+    def content(self) -> bytes:
+        """Return the file's content, in a replay that of the package.
+
+        Raises:
+            Unfit: if it is no longer what was given.
+        """
+        return self._shelf.content(self.file, self.sha256)
+
+    def text(self) -> str:
+        """Return the content of a table or a text.
+
+        Raises:
+            Misused: for a file of another kind.
+            Unfit: as of `content`.
+        """
+        if self.type not in {"csv", "text"}:
+            raise Misused(f"{self.name} is no text", "ask for one with accepts=('csv', 'text'), or use content()")
+        return self.content().decode("utf-8-sig")
 
 
 class Operator(OfThisProcess):
@@ -31,8 +91,8 @@ class Operator(OfThisProcess):
         effects: where answers are noted and, in a replay, come from.
         where: returns case and step.
         journal: where events are written.
-        point: the scheduling point.
-        hand: the instruments that a person can be asked to read, by name.
+        shelf: where the files lie that a person gives.
+        hand: what a person has at hand.
 
     Attributes:
         refused: why calls were refused, in order: a number that was not asked for is an error, whatever the case
@@ -47,18 +107,18 @@ class Operator(OfThisProcess):
         effects: Effects,
         where: Where,
         journal: EventSink,
-        point: Callable[[], None],
-        hand: Mapping[str, HandInstrument] = MappingProxyType({}),
+        shelf: Shelf,
+        hand: AtHand,
     ) -> None:
         self._source = source
         self._effects = effects
         self._where = where
         self._journal = journal
-        self._point = point
         self._hand = hand
+        self._shelf = shelf
         self.refused: list[HilError] = []
 
-    def confirm(self, text: str, *, name: str, safety: bool = False) -> None:
+    def confirm(self, text: str, *, name: str, safety: bool = False, witness: str = "", picture: str = "") -> None:
         """Ask for a confirmation.
 
         Args:
@@ -66,20 +126,33 @@ class Operator(OfThisProcess):
             name: the question's name.
             safety: whether somebody's safety hangs on it. On hardware, and on a served bench, no file answers it: a
                 person does, live and by name, and again whenever the bench is armed again.
+            witness: who has to be present, by role or name, and confirms the answer by name: a person other than the
+                operator.
+            picture: what the person is shown: the path of a PNG or JPEG in the plan's folder.
 
         Raises:
             Declined: if it is not given.
         """
-        if not self._ask(Question(name=name, form="confirm", text=text, safety=safety)):
+        question = Question(name=name, form="confirm", text=text, safety=safety, witness=witness)
+        if not self._ask(question, picture):
             raise Declined(f"'{text}' was not confirmed")
 
-    def choose(self, text: str, options: Sequence[str], *, name: str) -> str:
-        """Ask for one of the options and return it."""
-        chosen = str(self._ask(Question(name=name, form="choose", text=text, options=tuple(options))))
+    def choose(self, text: str, options: Sequence[str], *, name: str, witness: str = "", picture: str = "") -> str:
+        """Ask for one of the options and return it; `witness` and `picture` as of `confirm`."""
+        question = Question(name=name, form="choose", text=text, options=tuple(options), witness=witness)
+        chosen = str(self._ask(question, picture))
         return Word(chosen, Provenance(sources=(answer_to(name),)))
 
     def measure(
-        self, text: str, unit: str, *, name: str, uncertainty: float | None = None, instrument: str | None = None
+        self,
+        text: str,
+        unit: str,
+        *,
+        name: str,
+        uncertainty: float | None = None,
+        instrument: str | None = None,
+        witness: str = "",
+        picture: str = "",
     ) -> Figure:
         """Ask for a number that the person reads off.
 
@@ -90,6 +163,8 @@ class Operator(OfThisProcess):
             uncertainty: its standard uncertainty, if known; that of the instrument's certificate where it is left out.
             instrument: the name of what is read in the register of instruments; it then stands behind the figure.
                 Write it as a text in the call, so that its certificate is known before the run.
+            witness: as of `confirm`.
+            picture: as of `confirm`.
 
         Raises:
             Declined: for an answer that is no number.
@@ -97,8 +172,10 @@ class Operator(OfThisProcess):
         """
         read = None if instrument is None else self._read(instrument)
         shown = text if read is None else f"{text} (with {read.label})"
-        question = Question(name=name, form="measure", text=shown, unit=unit, instrument=instrument or "")
-        figure = Figure(value=float(self._ask(question)), unit=unit, uncertainty=uncertainty)
+        question = Question(
+            name=name, form="measure", text=shown, unit=unit, instrument=instrument or "", witness=witness
+        )
+        figure = Figure(value=float(str(self._ask(question, picture))), unit=unit, uncertainty=uncertainty)
         if read is None:
             unknown = f"the {answer_to(name)} was read off an instrument that the bench does not know"
             return figure.with_provenance(Provenance(sources=(answer_to(name),), unproven=(unknown,)))
@@ -106,17 +183,20 @@ class Operator(OfThisProcess):
 
     def _read(self, name: str) -> HandInstrument:
         """Return the instrument of this name."""
-        found = self._hand.get(name)
+        found = self._hand.instruments.get(name)
         if found is None:
+            near = did_you_mean(name, self._hand.instruments)
             error = Misused(
-                f"no plan or fixture of this run names a hand instrument '{name}'{did_you_mean(name, self._hand)}",
+                f"no plan or fixture of this run names a hand instrument '{name}'{near}",
                 'write it as a text in the call, such as operator.measure(..., instrument="DMM-017")',
             )
             self.refused.append(error)
             raise error
         return found
 
-    def attach(self, what: str, text: str, *, name: str, options: Sequence[str] = ()) -> None:
+    def connect(
+        self, what: str, text: str, *, name: str, options: Sequence[str] = (), witness: str = "", picture: str = ""
+    ) -> None:
         """Ask the person to connect `what` to the bench, and wait until that is confirmed.
 
         Args:
@@ -124,17 +204,73 @@ class Operator(OfThisProcess):
             text: what the person reads.
             name: the question's name.
             options: everything that could be connected there.
+            witness: as of `confirm`.
+            picture: as of `confirm`.
 
         Raises:
             Declined: if something else is connected.
         """
-        question = Question(name=name, form="attach", text=text, options=(what, *(o for o in options if o != what)))
-        attached = self._ask(question)
-        if attached != what:
-            raise Declined(f"'{what}' was to be connected, '{attached}' is")
+        listed = (what, *(each for each in options if each != what))
+        self._connect(Question(name=name, form="connect", text=text, options=listed, witness=witness), picture)
 
-    def _ask(self, question: Question) -> str | float | bool:
-        self._point()
+    def _connect(self, question: Question, picture: str = "") -> None:
+        what, connected = question.options[0], self._ask(question, picture)
+        if connected != what:
+            raise Declined(f"'{what}' was to be connected, '{connected}' is")
+
+    @overload
+    def attach(
+        self, text: str, *, name: str, accepts: Sequence[str] = (), witness: str = "", picture: str = ""
+    ) -> Attached: ...
+
+    @overload
+    def attach(self, text: str, connects: str, *, name: str, options: Sequence[str] = ()) -> None: ...
+
+    def attach(
+        self,
+        text: str,
+        connects: str | None = None,
+        *,
+        name: str,
+        accepts: Sequence[str] = (),
+        witness: str = "",
+        picture: str = "",
+        options: Sequence[str] = (),
+    ) -> Attached | None:
+        """Ask for a file: a picture, a certificate, a drawing, a table. It becomes part of the evidence.
+
+        The file is copied into the package under a name of the run's own, and its kind, size and hash are written
+        down with who gave it.
+
+        Args:
+            text: what the person reads.
+            connects: in plans of older packages what the person reads; `text` is then what is to be connected, as of
+                `connect`.
+            name: the question's name.
+            accepts: the kinds that are taken: `pdf`, `png`, `jpeg`, `step`, `csv` and `text`, or `picture` for PNG
+                and JPEG; all if none is named. The content says what a file is, not its name; only a table is told
+                from text by its name.
+            witness: as of `confirm`.
+            picture: as of `confirm`.
+            options: as of `connect`, in plans of older packages.
+
+        Raises:
+            Declined: if nobody gives one.
+            Unfit: if the file is missing, no regular file, empty, too large, damaged or of another kind, or changes
+                while it is copied.
+            Misused: for a kind that is not taken.
+        """
+        if connects is not None:
+            listed = (text, *(each for each in options if each != text))
+            self._connect(Question(name=name, form="attach", text=connects, options=listed))
+            return None
+        question = Question(name=name, form=FILE, text=text, options=kinds_of(accepts), witness=witness)
+        return Attached.of(self._ask(question, picture), self._shelf)
+
+    def _ask(self, question: Question, picture: str = "") -> object:
+        self._shelf.point()
+        if picture:
+            question = replace(question, picture=self._hand.picture(picture))
         arguments = {
             "form": question.form,
             "text": question.text,
@@ -142,10 +278,12 @@ class Operator(OfThisProcess):
             "unit": question.unit,
             **({"safety": True} if question.safety else {}),
             **({"instrument": question.instrument} if question.instrument else {}),
+            **({"witness": question.witness} if question.witness else {}),
+            **({"picture": msgspec.structs.asdict(question.picture)} if question.picture else {}),
         }
         return self._effects.perform(f"operator.{question.name}", "asks", arguments, lambda: self._asked(question))
 
-    def _asked(self, question: Question) -> str | float | bool:
+    def _asked(self, question: Question) -> object:
         case, step = self._where.case, self._where.number
         asked = events.Question(
             case=case,
@@ -157,13 +295,34 @@ class Operator(OfThisProcess):
             unit=question.unit,
             safety=question.safety,
             instrument=question.instrument,
+            witness=question.witness,
+            picture=question.picture,
         )
         self._journal.write(asked)
         answer = self._source.answer(question)
         _check(question, answer.value)
-        told = events.Answer(case=case, step=step, name=question.name, value=answer.value, by=answer.by)
+        if problem := witness_problem(question, answer.by, answer.witness):
+            raise Declined(problem, "a witness is named, and is not who answers")
+        told = events.Answer(
+            case=case,
+            step=step,
+            name=question.name,
+            value=answer.value,
+            by=answer.by,
+            file=self._kept(question, answer),
+            witness=answer.witness,
+        )
         self._journal.write(told)
-        return answer.value
+        return answer.value if told.file is None else {**msgspec.structs.asdict(told.file), "by": answer.by}
+
+    def _kept(self, question: Question, answer: Answer) -> events.GivenFile | None:
+        """Return the file of an answer, which the run has taken by then."""
+        if question.form != FILE or answer.file is not None:
+            return answer.file
+        if answer.path is None:
+            raise Declined(f"'{question.name}' needs a file, and '{answer.value}' is none", form(question))
+        stem = f"{file_part(self._where.case)}-{file_part(question.name)}"
+        return self._shelf.take(answer.path, stem, question.options, str(answer.value))
 
 
 def _calibrated(figure: Figure, spec: InstrumentSpec, name: str) -> Figure:
@@ -183,7 +342,7 @@ def _calibrated(figure: Figure, spec: InstrumentSpec, name: str) -> Figure:
 
 
 def _check(question: Question, value: str | float | bool) -> None:
-    if question.options and value not in question.options:
+    if question.options and question.form != FILE and value not in question.options:
         raise Declined(
             f"'{value}' is not an answer to '{question.name}'", f"answer one of: {', '.join(question.options)}"
         )

@@ -28,7 +28,7 @@ from hil.executive.journaling.row_store import RowStore
 from hil.executive.watching.feeding import Fed
 from hil.executive.watching.scheduler import Scheduler
 from hil.executive.watching.sharing import Course, Pace, Share, refusal
-from hil.instruments.sampled import Frame, StreamReport
+from hil.instruments.sampled import Frame, Streamed, StreamReport
 from hil.model.errors import Misused
 from hil.model.identity import Source
 from hil.model.provenance import Provenance, RecordedUnit
@@ -100,7 +100,7 @@ class Recorder(OfThisProcess):
         arguments["channels"] = [channel.name for channel in facts.channels]
         if continues:
             arguments["continues"] = True
-        if not (role := sources[0].streamed):
+        if not (role := _streamed(sources)):
             bus, period_ns = self._scheduler.monitoring.bus, round(NANOSECONDS / rate)
             course = Course(bus, _named(sources), period_ns, "the computer")
             self._effects.perform(f"record.{name}", "records", arguments, lambda: self._sample(facts, sources, course))
@@ -123,7 +123,7 @@ class Recorder(OfThisProcess):
         """
         self._require(name, sources, True, rate)
         facts = self._facts(name, sources, rate, None)
-        role = sources[0].streamed
+        role = _streamed(sources)
         clock = self._scheduler.clock
         turns: StreamTurns | SampledTurns
         if role:
@@ -189,7 +189,7 @@ class Recorder(OfThisProcess):
             self._require_own(name, source)
         if len({source.wire.name for source in sources}) < len(sources):
             raise ValueError(f"record '{name}': one role is given twice")
-        if len(sources) > 1 and any(source.streamed for source in sources):
+        if len(sources) > 1 and any(source.alone for source in sources):
             raise Misused(
                 f"record '{name}': a role that samples by itself is recorded alone",
                 "record the others separately, before, after or in parallel",
@@ -354,6 +354,11 @@ def _channels(sources: tuple[Facade, ...]) -> tuple[events.Channel, ...]:
         for source in sources
         for channel in (source.captured or source.sampled).channels()
     )
+
+
+def _streamed(sources: Sequence[Facade]) -> Streamed | None:
+    """Return the role that runs by itself, None where roles are asked for samples."""
+    return sources[0].streamed if len(sources) == 1 else None
 
 
 def _named(sources: Sequence[Facade]) -> str:

@@ -13,7 +13,7 @@ from hil.bench.lease import Lease, refuse_latched
 from hil.clock import wall
 from hil.evidence import events
 from hil.evidence.events import Event, EventSink, HoldEnd
-from hil.evidence.folder import JOURNAL, RESERVE, TRANSCRIPT, free_reserve, hold
+from hil.evidence.folder import ATTACHMENTS, JOURNAL, RESERVE, TRANSCRIPT, free_reserve, hold
 from hil.evidence.inbox import Message, asks_for_end, poll, waiting
 from hil.evidence.journal.writer import Journal
 from hil.evidence.package.sealing import ReportWriter, end_recordings, event_of, seal
@@ -143,7 +143,10 @@ class Upkeep:
             known = self._on_call is not None and self._on_call.knows(message.text)
             self._events.write(events.Reached(by=message.by, ok=known))
         elif message.kind == "answer":
-            if problem := self.elsewhere.take(message.name, message.text, message.by):
+            path = self._folder / ATTACHMENTS / message.file if message.file else None
+            if problem := self.elsewhere.take(message.name, message.text, message.by, path, message.witness):
+                if path is not None:  # whoever sent it still has it
+                    path.unlink(missing_ok=True)
                 text = f"inbox, answer by {message.by or 'nobody'}: {problem}"
                 self._events.write(events.Anomaly(text=text))
         else:
@@ -239,6 +242,7 @@ class Record:
         self._bench: BoundBench | None = None
         self._retraces = beginning.resumes
         self.folder = self._open_folder(leases, closing)
+        self.attachments = self.folder / ATTACHMENTS
         self._hold = closing.enter_context(hold(self.folder))
         beginning.take_over(self.folder)
         self._journal = Journal(self.folder / JOURNAL, reserve=self.folder / RESERVE)

@@ -4,24 +4,39 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Protocol
 
 from hil.bench.bound import BoundBench
 from hil.documents.declared import read_document
 from hil.documents.findings import Findings
+from hil.documents.node import Place
 from hil.documents.suggest import did_you_mean, nearest
 from hil.evidence.events import Answer as Given
 from hil.evidence.events import Effect, Event
 from hil.evidence.journal.reader import JournalLine
 from hil.evidence.state import standing
-from hil.executive.people.questions import Answer, AnswerSource, Declined, Elsewhere, Question, form, spoken, understood
+from hil.executive.people.files import Unfit, problem_of, said_path
+from hil.executive.people.questions import (
+    FILE,
+    FROM_FILE,
+    Answer,
+    AnswerSource,
+    Declined,
+    Elsewhere,
+    Question,
+    form,
+    spoken,
+    understood,
+    witness_problem,
+)
 from hil.model.errors import Diverged
-from hil.model.notation import Text
+from hil.model.notation import UNWRITTEN, AnyText, Text
 
 __all__ = [
     "SIMULATED_PERSON",
+    "SIMULATED_WITNESS",
     "Answered",
     "Answering",
     "AnswersFile",
@@ -29,20 +44,26 @@ __all__ = [
     "FirstOf",
     "Nobody",
     "NobodyLive",
+    "Prepared",
     "Prompt",
     "SimulatedPerson",
     "TerminalPerson",
+    "Witnessed",
     "load_answers",
 ]
 
 SIMULATED_PERSON = "simulated person"
 """The name under which the simulated bench's own person answers."""
 
+SIMULATED_WITNESS = "simulated witness"
+
 Answering = Callable[[BoundBench, Callable[[], None], Elsewhere], AnswerSource]
 """Makes what answers a run's questions, from its bench, the scheduling point to pass while waiting, and elsewhere."""
 
 _SCHEMA = "hil/answers/1"
 _SOMEBODY = "person at the terminal"
+_DECLINED = frozenset({Declined.__name__, Unfit.__name__})
+_CONFIRMS = Question(name="witness", form="confirm", text="")
 
 
 class Prompt(Protocol):
@@ -72,17 +93,37 @@ class Person(Protocol):
         ...
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Prepared:
+    """What an answers file holds.
+
+    Attributes:
+        answers: name of the question to the answer.
+        witnesses: name of the question to the name of who witnesses the answer.
+        by: who prepared it, empty if it does not say.
+        places: where each `answer` and each `witness` stands, by that word and the name of the question.
+    """
+
+    answers: Mapping[str, Text]
+    witnesses: Mapping[str, Text] = field(default_factory=dict)
+    by: AnyText = ""
+    places: Mapping[tuple[str, str], Place] = field(default_factory=dict, compare=False, metadata=UNWRITTEN)
+
+
 class AnswersFile:
     """Answers by name, prepared for a run that nobody attends.
 
     Args:
-        answers: name of the question to the answer.
+        prepared: what is in the file; a mapping stands for answers alone.
         shown: the file, for messages.
+        folder: where the paths of files begin that it gives as answers.
     """
 
-    def __init__(self, answers: Mapping[str, str], shown: str) -> None:
-        self._answers = answers
+    def __init__(self, prepared: Prepared | Mapping[str, str], shown: str, folder: Path = Path()) -> None:
+        self._prepared = prepared if isinstance(prepared, Prepared) else Prepared(answers=prepared)
+        self._answers = self._prepared.answers
         self._shown = shown
+        self._folder = folder
 
     def answer(self, question: Question) -> Answer:
         """Answer from the file."""
@@ -91,13 +132,21 @@ class AnswersFile:
             raise Declined(
                 f"{self._shown} has no answer to '{question.name}'{hint}", f"the question was: {question.text}"
             )
-        value = understood(question, self._answers[question.name])
+        said = self._answers[question.name]
+        value = understood(question, said)
         if value is None:
             raise Declined(
-                f"{self._shown} answers '{self._answers[question.name]}' to '{question.name}'",
+                f"{self._shown} answers '{said}' to '{question.name}'",
                 f"answer {form(question)}; the question was: {question.text}",
             )
-        return Answer(value, "answers file")
+        by = f"{self._prepared.by}{FROM_FILE}" if self._prepared.by else "answers file"
+        witness = self._prepared.witnesses.get(question.name, "")
+        if problem := witness_problem(question, by, witness):
+            raise Declined(
+                f"{self._shown}: {problem}", f"name another person under witnesses, as {question.name}: NAME"
+            )
+        path = said_path(said, self._folder) if question.form == FILE else None
+        return Answer(path.name if path else value, by, path=path, witness=witness if question.witness else "")
 
 
 class SimulatedPerson:
@@ -113,7 +162,7 @@ class SimulatedPerson:
     def answer(self, question: Question) -> Answer:
         """Answer from what is true in the simulated world."""
         value = self._person().answer(question.form, question.name, question.text, question.options)
-        return Answer(value, SIMULATED_PERSON)
+        return Answer(value, SIMULATED_PERSON, witness=SIMULATED_WITNESS if question.witness else "")
 
 
 class TerminalPerson:
@@ -145,9 +194,15 @@ class TerminalPerson:
                 self._prompt.discard()
             self._prompt.show(spoken(question))
             said = self._said(question)
-        return said if isinstance(said, Answer) else Answer(said, self._name or self._named(question))
+        if isinstance(said, Answer):
+            return said
+        by = self._name or self._named(question)
+        witness = self._witnessed(question, by)
+        if isinstance(said, Path):
+            return Answer(said.name, by, path=said, witness=witness)
+        return Answer(said, by, witness=witness)
 
-    def _said(self, question: Question) -> Answer | str | float | bool:
+    def _said(self, question: Question) -> Answer | Path | str | float | bool:
         while True:
             line = self._line()
             if self._elsewhere.answer is not None:
@@ -155,12 +210,37 @@ class TerminalPerson:
             if not line:
                 raise Declined(f"'{question.text}' was not answered: the terminal's input has ended")
             value = understood(question, line)
-            if value is not None:
+            if value is not None and question.form != FILE:
                 return value
-            self._prompt.show(f"Please answer {form(question)}")
+            path = said_path(line, Path.cwd())
+            problem = problem_of(path, question.options) if value is not None else ""
+            if value is not None and not problem:
+                return path
+            self._prompt.show(f"{problem}. Please give another" if problem else f"Please answer {form(question)}")
+
+    def _witnessed(self, question: Question, by: str) -> str:
+        """Ask the witness for name and confirmation, where there has to be one."""
+        while question.witness:
+            self._prompt.show(f"Witness ({question.witness}), your name:")
+            if not (line := self._line()):
+                break
+            witness = line.strip()
+            if problem := witness_problem(question, by, witness):
+                self._prompt.show(problem)
+                continue
+            self._prompt.show(f"{witness}, do you confirm that you were present, and the answer? [yes or no]")
+            if not (line := self._line()):
+                break
+            if understood(_CONFIRMS, line) is True:
+                return witness
+            if understood(_CONFIRMS, line) is False:
+                raise Declined(f"'{question.text}' was not confirmed by its witness, {witness}")
+        if question.witness:
+            raise Declined(f"'{question.text}' was not witnessed: the terminal's input has ended")
+        return ""
 
     def _named(self, question: Question) -> str:
-        name = "" if question.safety else _SOMEBODY
+        name = "" if question.safety or question.witness else _SOMEBODY
         while not name:
             self._prompt.show("Your name:")
             if not (line := self._line()):
@@ -214,6 +294,26 @@ class AskedLive:
         return (self._person if question.safety else self._otherwise).answer(question)
 
 
+class Witnessed:
+    """Keeps the operator of a run from being the witness of anybody's answer.
+
+    Args:
+        source: who answers.
+        operator: the operator of the run.
+    """
+
+    def __init__(self, source: AnswerSource, operator: str) -> None:
+        self._source = source
+        self._operator = operator
+
+    def answer(self, question: Question) -> Answer:
+        """Answer as the source does."""
+        answer = self._source.answer(question)
+        if problem := answer.witness and witness_problem(question, self._operator, answer.witness):
+            raise Declined(f"{problem}: {answer.witness} is the run's operator", "name another person")
+        return answer
+
+
 class FirstOf:
     """The first source that knows the question answers; the last one decides what is said if none does."""
 
@@ -228,23 +328,19 @@ class FirstOf:
         return (self._first if question.name in self._known or meant else self._last).answer(question)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _File:
-    """An answers file."""
-
-    answers: Mapping[str, Text]
-
-
-def load_answers(path: Path, shown: str) -> Mapping[str, str]:
+def load_answers(path: Path, shown: str) -> Prepared:
     """Read an answers file.
 
     Raises:
         ConfigurationError: with everything that is wrong with it.
     """
     findings = Findings()
-    document = read_document(path, shown, findings, _File, schema=_SCHEMA)
-    findings.raise_if_any()
-    return document.model.answers if document else {}
+    document = read_document(path, shown, findings, Prepared, schema=_SCHEMA)
+    found = findings.require(document)
+    prepared = found.model
+    places = {("answer", name): found.place(("answers", name)) for name in prepared.answers}
+    places |= {("witness", name): found.place(("witnesses", name)) for name in prepared.witnesses}
+    return replace(prepared, places=places)
 
 
 class Answered:
@@ -269,14 +365,15 @@ class Answered:
             return self._source.answer(question)
         told = self._told.popleft()
         if not isinstance(told, Given):
-            raise Declined(f"'{question.name}' was declined before the run was interrupted")
+            error = Unfit if isinstance(told, Effect) and told.raised == Unfit.__name__ else Declined
+            raise error(f"'{question.name}' was declined before the run was interrupted", "see the run's journal")
         if told.name != question.name:
             raise Diverged(f"the case asks '{question.name}', but its journal holds an answer to '{told.name}'")
         if told.by == SIMULATED_PERSON and self._goes_on():
             return self._source.answer(question)
-        return Answer(told.value, told.by)
+        return Answer(told.value, told.by, file=told.file, witness=told.witness)
 
 
 def _is_answer(event: Event) -> bool:
-    declined = isinstance(event, Effect) and event.effect == "asks" and event.raised == Declined.__name__
+    declined = isinstance(event, Effect) and event.effect == "asks" and event.raised in _DECLINED
     return declined or isinstance(event, Given)

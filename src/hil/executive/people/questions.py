@@ -7,14 +7,35 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Protocol
 
+from hil.evidence.events import GivenFile, PlanPicture
+from hil.executive.people.files import problem_of, spoken_kinds
 from hil.model.errors import HilError
 
-__all__ = ["Answer", "AnswerSource", "Declined", "Elsewhere", "Question", "form", "spoken", "understood"]
+__all__ = [
+    "FILE",
+    "FROM_FILE",
+    "Answer",
+    "AnswerSource",
+    "Declined",
+    "Elsewhere",
+    "Question",
+    "form",
+    "spoken",
+    "understood",
+    "witness_problem",
+]
 
 _PERHAPS_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
 """A comma that may be a decimal sign or not: nobody guesses a factor of 1000."""
+
+FILE = "file"
+"""The form of questions that are answered with a file."""
+
+FROM_FILE = " (answers file)"
+"""What follows the name of a person whose answers were prepared in a file."""
 
 _YES = frozenset({"true", "y", "yes"})
 _NO = frozenset({"false", "n", "no"})
@@ -30,12 +51,14 @@ class Question:
 
     Attributes:
         name: its name in answer files, unique in its case by its ordinal.
-        form: `confirm`, `choose`, `measure` or `attach`.
+        form: `confirm`, `choose`, `measure`, `connect` or `file`; `attach` in older packages, for `connect`.
         text: what the person reads.
-        options: for `choose` and `attach`, what can be answered.
+        options: for `choose` and `connect`, what can be answered; for `file`, the kinds of files that are taken.
         unit: for `measure`, the unit of the number.
         safety: whether somebody's safety hangs on it: on a bench outside this process a person answers it live.
         instrument: for `measure`, the name of what is read in the register of instruments; the text tells it.
+        witness: who has to be present, by role or name; empty if nobody has to.
+        picture: what is shown beside the text, a picture of the plan.
     """
 
     name: str
@@ -45,14 +68,32 @@ class Question:
     unit: str = ""
     safety: bool = False
     instrument: str = ""
+    witness: str = ""
+    picture: PlanPicture | None = None
+
+    @property
+    def shown(self) -> str:
+        """Where the picture lies in the workspace, empty without one."""
+        return self.picture.file.removeprefix("data/sources/") if self.picture else ""
 
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What was answered, and by whom; who is never empty."""
+    """What was answered, and by whom.
+
+    Attributes:
+        value: the answer; for a file the name that it was given under.
+        by: who answered, never empty.
+        path: where a file is that was given and that the run has not taken yet.
+        file: a file that the run has, from its record.
+        witness: who witnessed it, empty where nobody had to.
+    """
 
     value: str | float | bool
     by: str
+    path: Path | None = None
+    file: GivenFile | None = None
+    witness: str = ""
 
 
 class AnswerSource(Protocol):
@@ -83,23 +124,59 @@ class Elsewhere:
         finally:
             self._question = self.answer = None
 
-    def take(self, name: str, text: str, by: str) -> str:
-        """Take what somebody says to the question of this name; return why that is not taken, nothing if it is."""
+    def take(self, name: str, text: str, by: str, path: Path | None = None, witness: str = "") -> str:
+        """Take what somebody says to the question of this name; return why that is not taken, nothing if it is.
+
+        Args:
+            name: the question's name.
+            text: what is said; for a file the name that it was given under.
+            by: who says it.
+            path: where the file is that was given.
+            witness: who witnessed it.
+        """
         question = self._question
         if question is None or question.name != name or self.answer is not None:
             return f"'{name}' is not being asked now"
         if not by.strip():
             return f"'{name}' was answered without a name"
-        value = understood(question, text)
-        if value is None:
-            return f"'{text}' is not an answer to '{name}', which takes {form(question)}"
-        self.answer = Answer(value, by.strip())
+        problem = witness_problem(question, by, witness) or _file_problem(question, path)
+        value = text if question.form == FILE else understood(question, text)
+        if not problem and value is None:
+            problem = f"'{text}' is not an answer to '{name}', which takes {form(question)}"
+        if not problem and value is not None:
+            self.answer = Answer(value, by.strip(), path=path, witness=witness.strip())
+        return problem
+
+
+def _file_problem(question: Question, path: Path | None) -> str:
+    """Return why what came is not the file that is asked for, empty if it is, and where none is asked for."""
+    if question.form != FILE:
         return ""
+    if path is None:
+        return f"'{question.name}' takes {form(question)}, and none came"
+    return problem_of(path, question.options)
+
+
+def witness_problem(question: Question, by: str, witness: str) -> str:
+    """Return why nobody witnessed an answer, empty if somebody did or had to: a witness is not who answers."""
+    if not question.witness:
+        return ""
+    if not witness.strip():
+        return f"'{question.name}' needs a witness ({question.witness}), and none is named"
+    if _person(witness) == _person(by):
+        return f"'{question.name}' needs a witness ({question.witness}): {witness.strip()} cannot witness an own answer"
+    return ""
+
+
+def _person(name: str) -> str:
+    """Return a name as it is compared: nobody is two persons by capitals and spaces."""
+    return " ".join(name.removesuffix(FROM_FILE).casefold().split())
 
 
 def spoken(question: Question) -> str:
     """Return the question with what can be answered."""
-    return f"{question.text} [{form(question)}]"
+    picture = f" (see {question.shown})" if question.picture else ""
+    return f"{question.text}{picture} [{form(question)}]"
 
 
 def form(question: Question) -> str:
@@ -109,8 +186,10 @@ def form(question: Question) -> str:
             return "yes or no"
         case "measure":
             return f"a number in {question.unit}, such as 1.5"
-        case "attach":
+        case "connect" | "attach":
             return "yes when it is done"
+        case "file":
+            return f"the path of a {spoken_kinds(question.options)} file"
         case _:
             return " or ".join(question.options)
 
@@ -121,8 +200,10 @@ def understood(question: Question, line: str) -> str | float | bool | None:
     match question.form:
         case "confirm":
             return True if said.lower() in _YES else False if said.lower() in _NO else None
-        case "attach" if said.lower() in _YES:
+        case "connect" | "attach" if said.lower() in _YES:
             return question.options[0]
+        case "file":
+            return said or None
         case "measure":
             return _number(said)
         case _:

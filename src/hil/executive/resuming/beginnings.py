@@ -12,7 +12,16 @@ from hil.clock import wall
 from hil.clock.port import NANOSECONDS
 from hil.evidence import events
 from hil.evidence.attempts import Abandoned, abandoned
-from hil.evidence.folder import JOURNAL, RECORDINGS, TRANSCRIPT, create, is_sealed, renew_reserve, require_space
+from hil.evidence.folder import (
+    ATTACHMENTS,
+    JOURNAL,
+    RECORDINGS,
+    TRANSCRIPT,
+    create,
+    is_sealed,
+    renew_reserve,
+    require_space,
+)
 from hil.evidence.journal.past import Past, entries
 from hil.evidence.journal.writer import Journal
 from hil.evidence.package.contents import Package
@@ -64,6 +73,7 @@ class NewRun:
         given_up: the attempts that ended without a verdict before it was entered.
         recall: the effects that it has to agree with, None if there are none.
         void_rows: returns the void rows of a record, None if the run's own folder holds them.
+        attachments: where the files lie that persons gave, None if the run's own folder holds them.
     """
 
     resumes = False
@@ -73,6 +83,7 @@ class NewRun:
     given_up: Sequence[Abandoned] = ()
     recall: Recall | None = None
     void_rows: VoidRows | None = None
+    attachments: Path | None = None
 
     def __init__(self, prepare: Callable[[], None] = lambda: None) -> None:
         self._prepare = prepare
@@ -113,6 +124,7 @@ class ReplayedRun(NewRun):
         self.entries = entries(package.of(events.Resumed))
         self.not_opened = not_opened(package.events)
         self.void_rows = self._rows
+        self.attachments = package.folder / ATTACHMENTS
         if package.outcome().format > _WITHOUT_GIVEN_UP:
             self.given_up = abandoned(line.event for line in package.lines())
 

@@ -6,7 +6,7 @@ import getpass
 import hashlib
 import platform
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 from hil.clock import wall
@@ -54,6 +54,7 @@ class PlannedCase:
         max_duration_s: bench time that it may take.
         repeatable: why an attempt that ended without a verdict may be repeated, empty if it counts.
         fixtures: the names of all fixtures that it needs, roles among them.
+        item: what pytest collected, for those who read its code.
     """
 
     id: str
@@ -63,6 +64,7 @@ class PlannedCase:
     max_duration_s: float
     repeatable: str = ""
     fixtures: frozenset[str] = frozenset()
+    item: object = field(default=None, repr=False, compare=False)
 
 
 def write_head(configuration: Configuration, planned: Sequence[PlannedCase], folder: Path, journal: EventSink) -> None:

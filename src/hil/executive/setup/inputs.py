@@ -15,9 +15,12 @@ from hil.requirements.lock import LOCK
 from hil.requirements.parameters import PARAMETERS
 from hil.requirements.schema import REQUIREMENTS
 
-__all__ = ["CodeFromOutside", "Inputs", "SourceChanged", "SourceWritten"]
+__all__ = ["PICTURE_ENDINGS", "CodeFromOutside", "Inputs", "SourceChanged", "SourceWritten"]
 
-_OF_PLANS = frozenset({".py", ".yaml", ".json"})
+PICTURE_ENDINGS = frozenset({".png", ".jpg", ".jpeg", ".PNG", ".JPG", ".JPEG"})
+"""The endings of the pictures of plans that questions may show."""
+
+_OF_PLANS = frozenset({".py", ".yaml", ".json"}) | PICTURE_ENDINGS
 _SOURCES = "data/sources/"
 _AROUND = frozenset({".py", ".yaml"})
 _CATALOGUE_FILES = frozenset({REQUIREMENTS, LOCK, PARAMETERS})

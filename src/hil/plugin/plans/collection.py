@@ -107,6 +107,7 @@ def _planned(item: pytest.Item) -> PlannedCase:
         max_duration_s=_max_duration_s(item) or _LONGEST_S,
         repeatable=_repeatable(item) or "",
         fixtures=frozenset(getattr(item, "fixturenames", ())),
+        item=item,
     )
 
 

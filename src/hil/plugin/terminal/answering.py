@@ -16,6 +16,7 @@ from hil.executive.people.answers import (
     NobodyLive,
     SimulatedPerson,
     TerminalPerson,
+    Witnessed,
     load_answers,
 )
 from hil.executive.people.questions import AnswerSource, Elsewhere
@@ -43,11 +44,11 @@ def answers_of(request: Request, shown: Callable[[Path], str]) -> Answering:
         last = _person(request, bench, idle, elsewhere)
         source = last
         if prepared is not None and request.answers is not None:
-            file = AnswersFile(prepared, shown(request.answers))
-            source = file if isinstance(last, Nobody) else FirstOf(file, last, frozenset(prepared))
-        if bench.live is None:
-            return source
-        return AskedLive(last if isinstance(last, TerminalPerson) else NobodyLive(), source)
+            file = AnswersFile(prepared, shown(request.answers), request.answers.resolve().parent)
+            source = file if isinstance(last, Nobody) else FirstOf(file, last, frozenset(prepared.answers))
+        if bench.live is not None:
+            source = AskedLive(last if isinstance(last, TerminalPerson) else NobodyLive(), source)
+        return Witnessed(source, request.operator)
 
     return make
 

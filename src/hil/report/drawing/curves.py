@@ -53,7 +53,7 @@ def chart_graphics(charts: Sequence[Chart]) -> tuple[Graphic, ...]:
 
 def draw_chart(chart: Chart) -> str:
     """Return a chart as SVG: the curves over their limits, and where there are residuals a panel of them below."""
-    curves = list(enumerate(chart.curves))
+    curves = list(zip(_kinds([curve.name for curve in chart.curves]), chart.curves, strict=True))
     known = [pair for curve in chart.curves for pair in _values(curve, log=chart.log)]
     upper, lower = ([each for each in chart.limits if each.residual is below] for below in (False, True))
     across = _ends([x for x, _ in known], 0.03, log=chart.log)
@@ -105,7 +105,7 @@ def _told(chart: Chart) -> str:
     if any(curve.expanded for curve in chart.curves):
         parts.append("bars are expanded uncertainties")
     if any(curve.model_x for curve in chart.curves):
-        parts.append("lines are the fitted model")
+        parts.append("lines are the model")
     if any(curve.residual for curve in chart.curves):
         parts.append("below is what the model leaves")
     if chart.limits:
@@ -155,6 +155,15 @@ def _curve(sheet: Sheet, panel: Panel, kind: int, curve: ChartCurve) -> None:
                 _line(kind), f"M{place} {panel.y.at(y - bar if not log or y > bar else y)}V{panel.y.at(y + bar)}"
             )
         sheet.path(_mark(kind), f"M{place} {middle}{DISC if len(curve.x) <= _MANY else _SMALL}")
+
+
+def _kinds(names: Sequence[str]) -> Sequence[int]:
+    """Return the kind of each curve: in pairs such as `x heating` and `x cooling` one colour, filled and hollow."""
+    whose, which = ([*dict.fromkeys(name.rpartition(" ")[place] for name in names)] for place in (0, 2))
+    if "" in whose or not 1 < len(whose) <= _KINDS or len(which) != 2:
+        return range(len(names))
+    parts = [name.rpartition(" ") for name in names]
+    return [whose.index(first) + _KINDS * which.index(last) for first, _, last in parts]
 
 
 def _line(kind: int) -> str:

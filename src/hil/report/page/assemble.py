@@ -33,6 +33,7 @@ from hil.report.material import (
 )
 from hil.report.numbers import duration, with_unit
 from hil.report.page.as_run import Placed, attributed, checks_of, fed_limits, recording_rows, watched_rows
+from hil.report.page.given import given_rows
 from hil.report.page.grouping import case_groups, check_groups, headlines
 from hil.report.page.incidents import armings, guarded, happenings, people, safe_off
 from hil.report.page.steps import step_rows
@@ -84,8 +85,7 @@ def assemble(material: Material, evidence_digest: str) -> RunView:
     """
     events, results = material.events(), material.results()
     placed, run, bench = attributed(events), results.run, parse(material.text(_BENCH), _BENCH)
-    entries, names = requirement_entries(material), _names(results)
-    drawn = _drawn(material, events, bench)
+    entries, names, drawn = requirement_entries(material), _names(results), _drawn(material, events, bench)
     cases = _cases(placed, results, drawn)
     return RunView(
         title=", ".join(run.plans) if run else "",
@@ -124,6 +124,7 @@ def assemble(material: Material, evidence_digest: str) -> RunView:
         instruments=instruments(bench, inner(_json(material, "bench/calibration.json"), "instruments")),
         wiring=wiring(bench),
         people=people(run, placed),
+        given=given_rows(placed, names, material),
         happenings=_told_once(happenings(placed, names, guarded(material.guardian()), material.sent()), entries),
         deviations=run.deviations if run else (),
         parameters=_parameters(material),

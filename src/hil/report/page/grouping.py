@@ -110,7 +110,7 @@ def _headline(name: str, checks: Sequence[Check]) -> Headline:
     margins = [check for check in checks if check.margin is not None]
     verdict = worst(check.verdict for check in checks)
     bad = [check for check in checks if not check.verdict.good]
-    shown = (bad or sorted(margins, key=lambda check: check.margin or 0.0) or list(checks))[0]
+    shown = (bad or sorted(margins, key=_nearness) or list(checks))[0]
     row = check_row(shown)
     numbers = [check.value for check in checks if isinstance(check.value, int | float)]
     several = len(checks) > 1
@@ -132,6 +132,13 @@ def _headline(name: str, checks: Sequence[Check]) -> Headline:
         verdict=verdict,
         requirement=shown.requirement,
     )
+
+
+def _nearness(check: Check) -> float:
+    """Return the margin as a part of what the limit allows: checks of one name may have limits of many sizes."""
+    edges = [float(edge) for edge in (check.limit.min, check.limit.max) if edge is not None]
+    allowed = (edges[1] - edges[0]) / 2.0 if len(edges) == 2 else abs(sum(edges))
+    return (check.margin or 0.0) / (allowed or 1.0)
 
 
 def _group(found: Sequence[tuple[Placed, Check]], names: Mapping[str, CaseName]) -> CheckGroup:

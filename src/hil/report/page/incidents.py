@@ -121,6 +121,8 @@ def people(run: Run | None, events: Iterable[Placed]) -> tuple[tuple[str, str], 
         event = each.event
         if type(event) in _DID and getattr(event, "ok", True):
             told.append((str(getattr(event, "by", "")), _DID[type(event)]))
+        if isinstance(event, Answer):
+            told.append((event.witness, "witnessed answers"))
     for name, did in told:
         if name:
             parts.setdefault(name, {})[did] = None

@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise, zip_longest
+from pathlib import PurePath
 
 from hil.evidence.events import Answer, Effect, Question, Recording, Step, StepEnd
 from hil.report.numbers import bench_time, duration, quantity
@@ -212,6 +213,10 @@ def _exchange(question: Question, answer: Answer | None) -> Exchange:
         options=", ".join(question.options),
         answer="" if answer is None else _answer(answer.value, question.unit),
         by="" if answer is None else answer.by,
+        witness="" if answer is None else answer.witness,
+        asked_witness=question.witness,
+        file=answer.file.file if answer and answer.file else "",
+        picture=PurePath(question.picture.file).name if question.picture else "",
     )
 
 

@@ -149,6 +149,39 @@ class Exchange:
     options: str
     answer: str
     by: str
+    witness: str = ""
+    asked_witness: str = ""
+    file: str = ""
+    picture: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GivenRow:
+    """A file that a person gave in the run, or a picture that a question showed.
+
+    Attributes:
+        name: the name that it had.
+        file: its path in the package.
+        what: the question that it answers, or that showed it.
+        kind: what it is, and its size in words.
+        sha256: its hash.
+        by: who gave it, empty for a picture of the plan.
+        witness: who witnessed it.
+        when: when it was given, UTC and bench time.
+        case: the case that asked.
+        image: the picture as a data URI, empty for a document and for what is too large for the page.
+    """
+
+    name: str
+    file: str
+    what: str
+    kind: str
+    sha256: str
+    by: str
+    witness: str
+    when: str
+    case: CaseName | None
+    image: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -334,6 +367,7 @@ class RunView:
     instruments: tuple[InstrumentRow, ...]
     wiring: tuple[WireRow, ...]
     people: tuple[tuple[str, str], ...]
+    given: tuple[GivenRow, ...]
     happenings: tuple[Happening, ...]
     deviations: tuple[str, ...]
     parameters: tuple[ParameterRow, ...]

@@ -1,0 +1,181 @@
+"""Questions that nobody would answer are told before anything is opened, with their places in plan and answers file."""
+
+from __future__ import annotations
+
+import re
+from types import SimpleNamespace
+
+import pytest
+from given_files import PNG, TEXT
+from workspaces import make
+
+from hil.executive.people.questions import Question
+from hil.executive.setup.configuration import configure
+from hil.model.errors import ConfigurationError, Refused
+from hil.plugin.launch import launch
+from hil.plugin.plans.prompts import Attended, Foreseen, foreseen, require_answers
+
+CASES = """
+import pytest
+
+PLACE = "bench-place"
+
+
+class Jig:
+    def __init__(self, operator):
+        self.operator = operator
+
+    def close(self):
+        self.operator.confirm("Is the jig closed?", name="jig-closed")
+
+    def never_called(self):
+        self.operator.confirm("Never asked", name="never")
+
+
+@pytest.fixture
+def jig(operator):
+    return Jig(operator)
+
+
+def turn(operator, axis):
+    operator.connect(axis, "Turn it", name=f"turned-{axis}", options=("x", "y"))
+
+
+@pytest.mark.requirement("T-050")
+def test_asking(operator, check, jig):
+    jig.close()
+    operator.attach("A photo of the jig", name="photo", accepts=("picture",), witness="quality")
+    operator.choose("Where is it?", ["here", "there"], name=PLACE)
+    check("T-050", "voltage", operator.measure("Read the voltmeter", "V", name="voltmeter", uncertainty=0.01))
+
+
+def test_turning(operator):
+    turn(operator, "x")
+"""
+WHOLE = {"jig-closed": '"yes"', "photo": "jig.png", "bench-place": "here", "voltmeter": '"4.98"', "turned-x": '"yes"'}
+
+
+@pytest.fixture(scope="module")
+def workspace(tmp_path_factory):
+    """A workspace with a plan that asks."""
+    made = make(tmp_path_factory.mktemp("foreseen") / "workspace", CASES)
+    (made.root / "jig.png").write_bytes(PNG)
+    (made.root / "notes.txt").write_bytes(TEXT)
+    return made
+
+
+@pytest.fixture(scope="module")
+def cases(workspace):
+    """What each case may ask, collected once."""
+    found = {}
+
+    def opened(_configuration, planned):
+        found.update((case.id.partition("::")[2], foreseen(case.item, workspace.root)) for case in planned)
+        raise Refused("seen", "stop here")
+
+    with pytest.raises(Refused, match="seen"):
+        launch(configure(workspace.request()), opened)
+    return found
+
+
+def answers(folder, witness="Quinn", **changed):
+    """Write an answers file; None leaves an answer out."""
+    path = folder / "answers.yaml"
+    given = {name.replace("_", "-"): value for name, value in changed.items()}
+    lines = [f"  {name}: {value}" for name, value in {**WHOLE, **given}.items() if value is not None]
+    told = f"witnesses: {{photo: {witness}}}" if witness else ""
+    path.write_text("\n".join(["schema: hil/answers/1", "by: Ada", "answers:", *lines, told, ""]))
+    return path
+
+
+NOBODY = Attended(terminal=False, simulated=False, safety=False)
+PERSON = Attended(terminal=True, simulated=False, safety=False)
+SIMULATED = Attended(terminal=False, simulated=True, safety=False)
+
+
+def required(cases, file, attended=NOBODY, operator="Olga"):
+    """Require answers of all cases, and return what is wrong, each with its place."""
+    asked = [each for its in cases.values() for each in its]
+    request = SimpleNamespace(answers=file, operator=operator)
+    try:
+        require_answers(asked, asked, request, attended, lambda path: path.name)
+    except ConfigurationError as error:
+        return [str(finding) for finding in error.findings]
+    return []
+
+
+def test_every_question_of_a_case_is_foreseen(cases):
+    """Its own, those of its fixtures and of what they call; of a class only methods that somebody names."""
+    told = {name: sorted(each.name or each.pattern.pattern for each in its) for name, its in cases.items()}
+    assert told == {
+        "test_asking": ["bench-place", "jig-closed", "photo", "voltmeter"],
+        "test_turning": [r"turned\-.*"],
+    }
+    [photo] = [each for each in cases["test_asking"] if each.name == "photo"]
+    assert (photo.question.form, photo.question.options, photo.question.witness) == ("file", ("png", "jpeg"), "quality")
+    assert re.fullmatch(r"testplans/\w+/test_\w+\.py:\d+", photo.where)
+
+
+def test_whole_answers_are_enough(workspace, cases):
+    """Nobody is needed then, and with a person no file is."""
+    assert required(cases, answers(workspace.root)) == []
+    assert required(cases, None, PERSON) == []
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"photo": None}, "answers.yaml: no answer to 'photo' (testplans/"),
+        ({"jig_closed": None}, "no answer to 'jig-closed' (testplans/"),
+        ({"turned_x": None}, "no answer to a question named turned-... (testplans/"),
+        ({"fotos": "jig.png"}, "answers.yaml:9:10: no case asks 'fotos', did you mean 'photo'?"),
+        ({"photo": "missing.png"}, "missing.png: there is no such file; check its path"),
+        ({"photo": "notes.txt"}, "answers.yaml:5:10: 'photo': "),
+        ({"photo": "."}, "this is a folder; give one file"),
+        ({"jig_closed": "perhaps"}, "answers.yaml:4:15: 'perhaps' does not answer 'jig-closed': answer yes or no"),
+        ({"bench_place": "nowhere"}, "'nowhere' does not answer 'bench-place': answer here or there"),
+        ({"voltmeter": '"much"'}, "'much' does not answer 'voltmeter': answer a number in V"),
+        ({"witness": ""}, "'photo' needs a witness (quality), and none is named; name another person under witnesses"),
+        ({"witness": " ADA"}, "ADA cannot witness an own answer"),
+        ({"witness": "olga"}, "olga cannot witness an own answer"),
+    ],
+)
+def test_what_an_answers_file_lacks_or_has_too_many_is_told_with_its_place(workspace, cases, changed, message):
+    """Before the run: missing, misspelt, unfit, and a witness who is nobody else."""
+    wrong = required(cases, answers(workspace.root, **changed))
+    assert len(wrong) == 1, wrong
+    assert message in wrong[0]
+
+
+def test_without_a_file_nobody_answers(cases):
+    """The questions are named with their places; the simulated person has no files, and answers all others."""
+    with pytest.raises(Refused) as caught:
+        required(cases, None)
+    told = str(caught.value)
+    assert told.startswith("nobody would answer '")
+    assert "'jig-closed' (testplans/" in told
+    assert "give answers with --answers FILE, or run from a terminal" in str(caught.value)
+    with pytest.raises(Refused) as caught:
+        required(cases, None, SIMULATED)
+    assert "'jig-closed'" not in str(caught.value)
+    assert "'photo'" in str(caught.value)
+    assert "the simulated person has no files" in str(caught.value)
+
+
+def test_a_safety_confirmation_needs_a_person_whatever_a_file_says():
+    """On a bench outside the process; a terminal is enough."""
+    safety = Foreseen(
+        pattern=re.compile("fuse"),
+        name="fuse",
+        question=Question(name="fuse", form="confirm", text="Is the fuse in?", safety=True),
+        options=False,
+        where="testplans/x/test_x.py:1",
+    )
+    for terminal in (True, False):
+        attended = Attended(terminal=terminal, simulated=False, safety=True)
+        request = SimpleNamespace(answers=None, operator="")
+        if terminal:
+            require_answers([safety], [safety], request, attended, str)
+        else:
+            with pytest.raises(Refused, match="is a safety confirmation: a person gives it live"):
+                require_answers([safety], [safety], request, attended, str)
