@@ -9,7 +9,6 @@ from msgspec.structs import replace as changed
 from hil.audit.document import (
     FORMAT,
     CloseOut,
-    Code,
     Compliance,
     Document,
     Evidence,
@@ -17,10 +16,10 @@ from hil.audit.document import (
     GapKind,
     Inputs,
     Planning,
-    Reason,
     Row,
     Summary,
 )
+from hil.audit.reasons import Code, Reason
 
 __all__ = ["document", "document_of", "row"]
 

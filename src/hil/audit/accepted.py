@@ -1,4 +1,4 @@
-"""Nonconformance reports and waivers in an audit: which of them count, what they close, and what they keep open."""
+"""Reports, waivers and verifications in an audit: which of them count, what they close, and what they keep open."""
 
 from __future__ import annotations
 
@@ -6,15 +6,29 @@ import hashlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from hil.audit.document import Code, Reason
+from hil.audit.document import Stated
 from hil.audit.inputs import Approval, Asked, Package, World
+from hil.audit.reasons import Code, Reason
+from hil.clock.wall import days_between
 from hil.evidence.ledger.entries import Sealed
-from hil.registers.nonconformances import Disposition, Nonconformance, Record, UnitName, Waiver
+from hil.model.verdict import Verdict
+from hil.registers.history import events_after
+from hil.registers.nonconformances import (
+    Disposition,
+    Filing,
+    Nonconformance,
+    Record,
+    UnitName,
+    Verification,
+    Waiver,
+)
 
-__all__ = ["DISPOSES", "WAIVES", "Accepted", "accepted"]
+__all__ = ["DISPOSES", "VERIFIES", "WAIVES", "Accepted", "accepted"]
 
-DISPOSES, WAIVES = "nonconformance", "waiver"
-"""The roles in which a report and a waiver are approved."""
+DISPOSES, WAIVES, VERIFIES = "nonconformance", "waiver", "verification"
+"""The roles in which a report, a waiver and a verification are approved."""
+
+_DAY_S = 86_400.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,18 +71,30 @@ class _Waived:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class _Shown:
+    """A verification and the approvals of its present content."""
+
+    item: Verification
+    approvals: tuple[Approval, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Accepted:
-    """Every report and waiver, by what an audit asks of them.
+    """Every report, waiver and verification, by what an audit asks of them.
 
     Attributes:
         reports: every report that there is or was, in the order of their numbers.
         waivers: the waivers by requirement.
+        shown: the verifications by requirement, the oldest first.
+        undone: verifications that said FAIL once and no longer do, by requirement.
         date: the day on which it is asked, ISO 8601.
         sha256: SHA-256 over their contents, empty if there are none.
     """
 
     reports: tuple[_Report, ...] = ()
     waivers: Mapping[str, tuple[_Waived, ...]] = field(default_factory=dict)
+    shown: Mapping[str, tuple[_Shown, ...]] = field(default_factory=dict)
+    undone: Mapping[str, tuple[Verification, ...]] = field(default_factory=dict)
     date: str = ""
     sha256: str = ""
 
@@ -127,6 +153,46 @@ class Accepted:
         waiver, approval = found
         return UnitName(part=package.part, serial=package.serial) in waiver.units and _comes_after(approval, seal)
 
+    def stated(self, asked: Asked, world: World) -> tuple[Stated, ...]:
+        """Return what was stated of a requirement without a run, and why it does not close it, if it does not."""
+        return tuple(self._stated(each, asked, world) for each in self.shown.get(asked.id, ()))
+
+    def _stated(self, each: _Shown, asked: Asked, world: World) -> Stated:
+        item, approval = each.item, _counting(each, asked)
+        found = _not_shown(each, asked, world)
+        reasons = tuple(Reason(code=code, text=f"{item.id}: {text}") for code, text in found)
+        return Stated(
+            number=item.id,
+            method=item.method,
+            date=item.date,
+            verdict=item.verdict,
+            by=item.by,
+            role=item.role,
+            statement=item.statement,
+            documents=tuple((document.file, document.sha256) for document in item.documents),
+            units=tuple(f"{unit.part} {unit.serial}" for unit in item.units),
+            witness=item.witness,
+            approved=_by(approval) if approval else "",
+            closes=not reasons,
+            reasons=reasons,
+        )
+
+    def failed(self, asked: Asked) -> Iterator[Reason]:
+        """Give a reason for every verification that said FAIL, until a closed report names it as what found it.
+
+        A later one does not take it back, and neither does taking it out of the register.
+        """
+        said = [each.item for each in self.shown.get(asked.id, ()) if each.item.verdict == Verdict.FAIL]
+        for item in (*said, *self.undone.get(asked.id, ())):
+            disposed = any(
+                report.now.run == item.id and report.now.disposition is not Disposition.USE_AS_IS
+                for report in self.reports
+                if report.closed and report.now and asked.id in report.now.requirements
+            )
+            if not disposed:
+                gone = "" if item in said else ", and is no longer in the register as it was"
+                yield Reason(code=Code.FAILED, text=f"{item.id} said FAIL on {item.date}{gone}")
+
     def told(self, asked: Asked, world: World) -> Iterator[str]:
         """Give a sentence for every closed report and every waiver of a requirement."""
         for report in self.reports:
@@ -170,19 +236,81 @@ def accepted(world: World) -> Accepted:
     for waiver in sorted(filed.registers.waivers.values(), key=lambda each: each.id):
         its = _Waived(waiver=waiver, approval=_approval(waiver, WAIVES, filed.approvals))
         waivers[waiver.requirement] = (*waivers.get(waiver.requirement, ()), its)
-    every: tuple[Nonconformance | Waiver, ...] = (
-        *filed.registers.nonconformances.values(),
-        *filed.registers.waivers.values(),
-    )
-    contents = [Record(of=each).sha256 for each in every]
+    shown: dict[str, tuple[_Shown, ...]] = {}
+    for item in sorted(filed.registers.verifications.values(), key=lambda each: (each.date, each.id)):
+        stands = _Shown(item=item, approvals=tuple(_approvals(item, VERIFIES, filed.approvals)))
+        shown[item.requirement] = (*shown.get(item.requirement, ()), stands)
+    undone: dict[str, tuple[Verification, ...]] = {}
+    for was in filed.shown:
+        now_is = filed.registers.verifications.get(was.id)
+        same = now_is is not None and (now_is.verdict, now_is.requirement) == (was.verdict, was.requirement)
+        if was.verdict == Verdict.FAIL and not same:
+            undone[was.requirement] = (*undone.get(was.requirement, ()), was)
+    contents = [Record(of=each).sha256 for each in filed.registers.every]
     digest = hashlib.sha256("".join(contents).encode()).hexdigest() if contents else ""
-    return Accepted(reports=reports, waivers=waivers, date=world.date, sha256=digest)
+    return Accepted(reports=reports, waivers=waivers, shown=shown, undone=undone, date=world.date, sha256=digest)
 
 
-def _approval(item: Nonconformance | Waiver, role: str, approvals: Iterable[Approval]) -> Approval | None:
-    """Return the first approval of the present content of a report or a waiver."""
+def _approval(item: Filing, role: str, approvals: Iterable[Approval]) -> Approval | None:
+    """Return the first approval of the present content of a record."""
+    return next(_approvals(item, role, approvals), None)
+
+
+def _approvals(item: Filing, role: str, approvals: Iterable[Approval]) -> Iterator[Approval]:
     wanted = (item.id, Record(of=item).sha256, role)
-    return next((each for each in approvals if (each.record, each.sha256, each.role) == wanted), None)
+    yield from (each for each in approvals if (each.record, each.sha256, each.role) == wanted)
+
+
+def _counting(each: _Shown, asked: Asked) -> Approval | None:
+    """Return the approval by which a verification counts, which may have to be somebody else's than its author's."""
+    return next((it for it in each.approvals if not (asked.independent and it.own)), None)
+
+
+def _not_shown(each: _Shown, asked: Asked, world: World) -> Iterator[tuple[Code, str]]:
+    """Say why a verification does not close its requirement."""
+    item = each.item
+    if item.verdict != Verdict.PASS:
+        yield Code.NO_VERDICT, f"its verdict is {item.verdict}"
+    if item.method != asked.method:
+        yield Code.NOT_ELIGIBLE, f"it was made by {item.method}, and the requirement is verified by {asked.method}"
+    if asked.witness and not item.witness:
+        yield Code.NOT_ELIGIBLE, f"the requirement asks for a witness ({asked.witness}), and it names none"
+    if (item.rev, item.fingerprint) != (asked.rev, asked.fingerprint):
+        was, now = f"rev {item.rev} ({item.fingerprint[:8]})", f"rev {asked.rev} ({asked.fingerprint[:8]})"
+        yield Code.SUSPECT_REQ, f"it is for {was} of the requirement, which is now {now}"
+    yield from _of_documents(item, world)
+    if not each.approvals:
+        yield Code.AWAITING_APPROVAL, f"nobody has approved it as it is now, in the role {VERIFIES}"
+    elif _counting(each, asked) is None:
+        yield (
+            Code.AWAITING_APPROVAL,
+            f"only {item.by}, who made it, approved it, and the requirement asks for somebody else",
+        )
+    yield from _too_old(item, asked, world)
+    yield from _of_units(item, asked, world)
+
+
+def _of_documents(item: Verification, world: World) -> Iterator[tuple[Code, str]]:
+    for document in item.documents:
+        there = world.filed.documents.get(document.file, "")
+        if there != document.sha256:
+            told = f"has another content now, SHA-256 {there[:8]}" if there else "is not there"
+            yield Code.INTEGRITY, f"{document.file} {told}; it was made with {document.sha256[:8]}"
+
+
+def _too_old(item: Verification, asked: Asked, world: World) -> Iterator[tuple[Code, str]]:
+    if item.date > world.date:
+        yield Code.INTEGRITY, f"it is of {item.date}, which is after {world.date}"
+    elif asked.max_age_s is not None and days_between(item.date, world.date) * _DAY_S > asked.max_age_s:
+        yield Code.EXPIRED, f"it is of {item.date}, and evidence may be {asked.max_age_s / _DAY_S:g} days old"
+
+
+def _of_units(item: Verification, asked: Asked, world: World) -> Iterator[tuple[Code, str]]:
+    yield from ((Code.WRONG_DUT, problem) for problem in _unfit(item.units, asked, world))
+    for unit in item.units:
+        dut = world.register.duts.get(unit.serial)
+        for event in events_after(dut.events, f"{item.date}T00:00:00Z") if dut else ():
+            yield Code.STALE_DUT, f"{unit.serial}: {event.kind} on {event.date}: {event.text}"
 
 
 def _comes_after(approval: Approval | None, seal: Sealed | None) -> bool:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from hil.audit.document import Document, Reason, Row
+from hil.audit.document import Document, Row
+from hil.audit.reasons import Reason
 
 __all__ = ["Change", "changes"]
 

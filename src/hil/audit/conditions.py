@@ -8,9 +8,9 @@ from dataclasses import replace
 import msgspec
 
 from hil.audit.accepted import Accepted
-from hil.audit.document import Code, Reason
 from hil.audit.inputs import Asked, Instrument, Package, Result, World
 from hil.audit.ledgered import Ledgered
+from hil.audit.reasons import Code, Reason
 from hil.clock.wall import days_between
 from hil.model.identity import Dut, Source, UnitEvent
 from hil.model.verdict import Verdict

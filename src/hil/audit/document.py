@@ -8,10 +8,11 @@ from enum import StrEnum
 
 import msgspec
 
+from hil.audit.reasons import Code, Reason
+
 __all__ = [
     "FORMAT",
     "CloseOut",
-    "Code",
     "Compliance",
     "Document",
     "Evidence",
@@ -22,8 +23,8 @@ __all__ = [
     "OnHardware",
     "OtherCode",
     "Planning",
-    "Reason",
     "Row",
+    "Stated",
     "Summary",
     "summary_of",
 ]
@@ -47,82 +48,6 @@ class CloseOut(StrEnum):
 
     OPEN = "open"
     CLOSED = "closed"
-
-
-class Code(StrEnum):
-    """Why a requirement is open, one code for each condition; declared in the order in which they are told."""
-
-    NO_EVIDENCE = "NO_EVIDENCE"
-    WITHDRAWN = "WITHDRAWN"
-    NO_VERDICT = "NO_VERDICT"
-    FAILED = "FAILED"
-    SUPERSEDED_BY_FAIL = "SUPERSEDED_BY_FAIL"
-    OPEN_NCR = "OPEN_NCR"
-    NOT_ELIGIBLE = "NOT_ELIGIBLE"
-    SIM_ONLY = "SIM_ONLY"
-    SUSPECT_REQ = "SUSPECT_REQ"
-    INTEGRITY = "INTEGRITY"
-    UNKNOWN_TO_LEDGER = "UNKNOWN_TO_LEDGER"
-    MISSING_PACKAGE = "MISSING_PACKAGE"
-    UNSIGNED = "UNSIGNED"
-    AWAITING_APPROVAL = "AWAITING_APPROVAL"
-    WRONG_DUT = "WRONG_DUT"
-    STALE_DUT = "STALE_DUT"
-    STALE_CAL = "STALE_CAL"
-    CAL_RETRO = "CAL_RETRO"
-    STALE_ANALYSIS = "STALE_ANALYSIS"
-    EXPIRED = "EXPIRED"
-    CHILD_OPEN = "CHILD_OPEN"
-    NO_CHILDREN = "NO_CHILDREN"
-
-    __hash__ = str.__hash__  # that of an enumeration is ten times as slow, and an audit has a reason per result
-
-    @property
-    def meaning(self) -> str:
-        """What the code means, in a sentence without a full stop."""
-        return _MEANINGS[self]
-
-
-_MEANINGS = {
-    Code.NO_EVIDENCE: "no package has evidence for it",
-    Code.WITHDRAWN: "it or a link below it was taken out of the catalogue, and that is not explained",
-    Code.NO_VERDICT: "there is evidence, but its verdict is neither PASS nor RECORDED",
-    Code.FAILED: "a FAIL from hardware stands, and nothing newer is good",
-    Code.SUPERSEDED_BY_FAIL: "the evidence is good, and a FAIL from hardware came later",
-    Code.OPEN_NCR: "a nonconformance is open: a report, or a FAIL before the good evidence that nobody signed for",
-    Code.NOT_ELIGIBLE: "the run did not meet every condition for closing it",
-    Code.SIM_ONLY: "the evidence is not from hardware",
-    Code.SUSPECT_REQ: "the meaning of the requirement changed since the evidence was made",
-    Code.INTEGRITY: "a package is damaged or incomplete, or is not what the ledger saw",
-    Code.UNKNOWN_TO_LEDGER: "the ledger does not know the package",
-    Code.MISSING_PACKAGE: "the ledger has the seal of a package that is not there",
-    Code.UNSIGNED: "the workspace asks for a signature that the package does not have",
-    Code.AWAITING_APPROVAL: "the workspace asks for approvals that the package does not have",
-    Code.WRONG_DUT: "the device under test is not one that the register and the plan name",
-    Code.STALE_DUT: "the device under test changed, or had an event, after the evidence was made",
-    Code.STALE_CAL: "an instrument was out of calibration when it was used, or the register no longer has it",
-    Code.CAL_RETRO: "an instrument was later found out of tolerance, and was used since its last good calibration",
-    Code.STALE_ANALYSIS: "the analysis that gave the verdict changed, and was not replayed with the same verdict",
-    Code.EXPIRED: "the evidence is older than the requirement allows",
-    Code.CHILD_OPEN: "a requirement below it is open",
-    Code.NO_CHILDREN: "it is met by the requirements below it, and there are none",
-}
-
-
-class Reason(msgspec.Struct, frozen=True, kw_only=True, order=True):
-    """One reason why a requirement is open.
-
-    Attributes:
-        code: which condition does not hold.
-        text: the reason as a sentence without a full stop.
-        package: the folder of the package that it speaks of, empty for none.
-        origin: the id of the requirement from which it was inherited, empty where it is the row's own.
-    """
-
-    code: Code
-    text: str
-    package: str = ""
-    origin: str = ""
 
 
 class Evidence(msgspec.Struct, frozen=True, kw_only=True):
@@ -157,6 +82,49 @@ class Evidence(msgspec.Struct, frozen=True, kw_only=True):
     closes: bool
     reasons: tuple[Reason, ...] = ()
     exceptions: tuple[str, ...] = ()
+
+
+class Stated(msgspec.Struct, frozen=True, kw_only=True):
+    """What was stated of one requirement without a run: by analysis, inspection or review.
+
+    Attributes:
+        number: the number of the verification.
+        method: how it was made.
+        date: the day, ISO 8601.
+        verdict: its verdict.
+        by: who made it.
+        role: in what role.
+        statement: what was found.
+        documents: file and SHA-256 of what shows it.
+        units: the units that it speaks of, by part and serial number.
+        witness: who was present, empty if nobody is named.
+        approved: who approved it, and when; empty if nobody did.
+        closes: whether every condition holds for it now, so that it closes the requirement.
+        reasons: why it does not, each with its code.
+    """
+
+    number: str
+    method: str
+    date: str
+    verdict: str
+    by: str
+    role: str
+    statement: str
+    documents: tuple[tuple[str, str], ...]
+    units: tuple[str, ...] = ()
+    witness: str = ""
+    approved: str = ""
+    closes: bool = False
+    reasons: tuple[Reason, ...] = ()
+
+    @property
+    def told(self) -> str:
+        """All of it in a line, but for the reasons."""
+        who = f"{self.by} ({self.role})" + (f", witnessed by {self.witness}" if self.witness else "")
+        shown = ", ".join(f"{file} {digest}" for file, digest in self.documents)
+        units = f" of {', '.join(self.units)}" if self.units else ""
+        approved = f"; {self.approved}" if self.approved else ""
+        return f"{self.date} {self.verdict} {self.number} {self.method}{units} by {who}: {shown}{approved}"
 
 
 class Exempted(msgspec.Struct, frozen=True, kw_only=True, order=True):
@@ -233,7 +201,9 @@ class Row(msgspec.Struct, frozen=True, kw_only=True):
         reasons: why it is open, all that apply, its own before inherited ones; empty if it is closed.
         on_hardware: what the newest run elsewhere would leave open on hardware; None without such a run, or if the
             requirement is closed.
-        closed_by: the folder of the package that closes it; empty if it is open, or closed by its children or a waiver.
+        stated: what was stated of it without a run, the oldest first.
+        closed_by: the folder of the package, or the number of the verification, that closes it; empty if it is open, or
+            closed by its children or a waiver.
         waiver: the number of the waiver without which it would be open; empty if it needs none.
         records: what its waivers and its closed nonconformance reports say, a sentence each.
     """
@@ -252,6 +222,7 @@ class Row(msgspec.Struct, frozen=True, kw_only=True):
     stage: str = ""
     planning: Planning = Planning()
     evidence: tuple[Evidence, ...] = ()
+    stated: tuple[Stated, ...] = ()
     compliance: Compliance = Compliance.NO
     close_out: CloseOut = CloseOut.OPEN
     reasons: tuple[Reason, ...] = ()

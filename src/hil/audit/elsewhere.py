@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 
 from hil.audit.conditions import Claim
-from hil.audit.document import Code, OnHardware, Reason, Row
+from hil.audit.document import OnHardware, Row
+from hil.audit.reasons import Code, Reason
 from hil.evidence.results.eligibility import MODELS
 from hil.model.identity import Model, Source
 

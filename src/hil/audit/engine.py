@@ -11,14 +11,12 @@ from hil.audit.conditions import Claim, Conditions
 from hil.audit.document import (
     FORMAT,
     CloseOut,
-    Code,
     Compliance,
     Document,
     Evidence,
     Inputs,
     OtherCode,
     Planning,
-    Reason,
     Row,
     summary_of,
 )
@@ -26,6 +24,7 @@ from hil.audit.elsewhere import by_children, on_hardware
 from hil.audit.gaps import BY_CASES, exceptions_of, gaps_of, problems_of
 from hil.audit.inputs import Approval, Asked, Package, World, catalogue_digest
 from hil.audit.ledgered import Ledgered, ledgered
+from hil.audit.reasons import Code, Reason
 from hil.audit.remembered import removed_from
 from hil.model.identity import Purpose, Source
 from hil.model.verdict import Verdict
@@ -196,13 +195,16 @@ def _row(
     by_itself = asked.kind != Kind.PARENT
     waived = by.filed.waiver_of(asked, by.world) if by_itself else None
     against = tuple(_against(asked, claims, evidence, by, waived)) if by_itself else ()
+    stated = by.filed.stated(asked, by.world) if by_itself else ()
+    shown = next((each for each in reversed(stated) if each.closes), None)
     own = against = (*_taken_out(asked, by), *against)
     inherited = tuple(_inherited(below))
     closing = next((each for each in reversed(evidence) if each.closes), None)
-    if waived and closing and not _is_needed(waived, claims, by):
+    if waived and (closing or shown) and not _is_needed(asked, waived, claims, by):
         waived = None
-    if by_itself and closing is None and waived is None:
+    if by_itself and closing is None and shown is None and waived is None:
         own += tuple(reason for each in _speaking(evidence) for reason in each.reasons)
+        own += tuple(reason for each in stated for reason in each.reasons)
     if not by_itself and not below:
         own += (Reason(code=Code.NO_CHILDREN, text="it is met by the requirements below it, and there are none"),)
     reasons = (*_in_order(own), *inherited)
@@ -228,11 +230,12 @@ def _row(
             plan=asked.plan, document=asked.document, issue=asked.issue, place=asked.place, cases=still or planned or ()
         ),
         evidence=evidence,
+        stated=stated,
         compliance=_compliance(reasons, evidence, below, by_itself=by_itself, waived=waived is not None),
         close_out=CloseOut.OPEN if reasons else CloseOut.CLOSED,
         reasons=reasons,
         on_hardware=would if reasons else None,
-        closed_by=closing.package if closing and not reasons else "",
+        closed_by="" if reasons else closing.package if closing else shown.number if shown else "",
         waiver=waived[0].id if waived and not reasons else "",
         records=tuple(by.filed.told(asked, by.world)),
     )
@@ -271,9 +274,9 @@ def _speaking(evidence: Sequence[Evidence]) -> Iterator[Evidence]:
             seen.add((each.source, each.dut))
 
 
-def _is_needed(waived: tuple[Waiver, Approval], claims: Sequence[Claim], by: _Judging) -> bool:
+def _is_needed(asked: Asked, waived: tuple[Waiver, Approval], claims: Sequence[Claim], by: _Judging) -> bool:
     """Return whether a FAIL would keep a requirement open without its waiver."""
-    return any(
+    return any(by.filed.failed(asked)) or any(
         counts_as_fail(claim)
         and not _disposed(claim, by)
         and by.filed.covers(waived, claim.package, by.book.seal_of(claim.package))
@@ -297,7 +300,8 @@ def _against(
     """Give what keeps a requirement open whatever else there is, so that no evidence can be left out to close it."""
     book = by.book
     yield from by.filed.open_reports(asked.id)
-    if not claims and waived is None:
+    yield from by.filed.failed(asked) if waived is None else ()
+    if not claims and waived is None and not by.filed.shown.get(asked.id):
         yield Reason(code=Code.NO_EVIDENCE, text=_no_evidence(asked))
     good = [place for place, each in enumerate(evidence) if Verdict(each.verdict).good and each.source in _HARDWARE]
     for place, claim in enumerate(claims):
@@ -340,7 +344,7 @@ def _fail(claim: Claim, *, later: bool, earlier: bool) -> Reason:
 
 def _no_evidence(asked: Asked) -> str:
     if asked.method not in BY_CASES:
-        return f"it is verified by {asked.method}, and no package shows that"
+        return f"it is verified by {asked.method}, and neither a package nor a verification shows that"
     return "no package has evidence for it"
 
 

@@ -22,7 +22,7 @@ def gaps_of(rows: Sequence[Row], packages: Sequence[Package], world: World) -> I
         if row.kind == Kind.PARENT and not row.children:
             yield Gap(kind=GapKind.WITHOUT_CHILDREN, name=row.id, where=row.planning.place)
         wanted = row.id in present and row.kind != Kind.PARENT and row.method in BY_CASES
-        if wanted and not row.planning.cases:
+        if wanted and not row.planning.cases and not row.stated:
             yield Gap(kind=GapKind.WITHOUT_CASE, name=row.id, where=row.planning.place)
     for case in world.cases or ():
         if not case.marked:

@@ -11,7 +11,7 @@ import msgspec
 from hil.evidence.ledger.entries import Entry
 from hil.model.identity import Dut, UnitEvent
 from hil.registers.instruments import RegisteredInstrument
-from hil.registers.nonconformances import Nonconformance, Records
+from hil.registers.nonconformances import Nonconformance, Records, Verification
 from hil.requirements.carried import CarryingCase
 
 __all__ = [
@@ -51,6 +51,8 @@ class Asked(msgspec.Struct, frozen=True, kw_only=True):
         issue: the document's issue.
         place: file and line.
         part_numbers: the part numbers that its plan is for, none for any.
+        witness: who has to be present when it is verified, empty if nobody has to.
+        independent: whether somebody else than who did it has to confirm its verification.
     """
 
     id: str
@@ -71,6 +73,8 @@ class Asked(msgspec.Struct, frozen=True, kw_only=True):
     issue: str = ""
     place: str = ""
     part_numbers: tuple[str, ...] = ()
+    witness: str = ""
+    independent: bool = False
 
 
 class Instrument(msgspec.Struct, frozen=True, kw_only=True):
@@ -191,15 +195,16 @@ class Register:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Approval:
-    """A valid approval of a nonconformance report or a waiver.
+    """A valid approval of a nonconformance report, a waiver or a verification.
 
     Attributes:
-        record: the number of the report or the waiver.
+        record: its number.
         sha256: SHA-256 of the content that was approved.
         role: the role in which it was approved.
         principal: who approved it.
         utc: when it was entered in the ledger.
         seq: the number of its entry there.
+        own: whether it may be the author's own.
     """
 
     record: str
@@ -208,20 +213,25 @@ class Approval:
     principal: str
     utc: str
     seq: int
+    own: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Filed:
-    """The nonconformance reports and waivers of the workspace.
+    """The nonconformance reports, waivers and verifications of the workspace.
 
     Attributes:
         registers: as they are.
         earlier: every report that the ledger has, as often as it has changed; what was reported stays so.
+        shown: every verification that the ledger has, likewise.
+        documents: SHA-256 of every document that a verification names, by its path; empty if it is not there.
         approvals: the valid approvals, the oldest first.
     """
 
     registers: Records = field(default_factory=Records)
     earlier: tuple[Nonconformance, ...] = ()
+    shown: tuple[Verification, ...] = ()
+    documents: Mapping[str, str] = field(default_factory=dict)
     approvals: tuple[Approval, ...] = ()
 
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import msgspec
@@ -20,10 +20,12 @@ from hil.audit.recorded import (
     record_subject_of,
     remembered,
     reports_ever,
+    verifications_ever,
 )
 from hil.clock import wall
 from hil.documents.findings import Findings, shown
 from hil.documents.suggest import did_you_mean
+from hil.evidence.durable import sha256_of
 from hil.evidence.folder import JOURNAL
 from hil.evidence.journal.reader import read_journal
 from hil.evidence.ledger.approvals import Subject, keep_signers
@@ -36,8 +38,11 @@ from hil.model.errors import EvidenceError, HilError, Refused
 from hil.registers.instruments import INSTRUMENTS, load_instruments
 from hil.registers.nonconformances import (
     NONCONFORMANCES,
+    VERIFICATIONS,
     WAIVERS,
+    Nonconformance,
     Records,
+    Verification,
     Waiver,
     load_records,
 )
@@ -104,6 +109,8 @@ def read_world(
         filed=Filed(
             registers=records,
             earlier=reports_ever(folders.reports, ledger.entries),
+            shown=verifications_ever(folders.reports, ledger.entries),
+            documents=_documents(folders.fixtures, records),
             approvals=approvals_of(ledger, packages, signers, records),
         ),
         register=register,
@@ -171,21 +178,44 @@ def record_subject(folders: Folders, number: str) -> Subject:
     found = _read_records(folders, asked, read_register(folders))
     item = found.find(number)
     if item is None:
-        known = (*found.nonconformances, *found.waivers)
+        known = tuple(each.id for each in found.every)
+        files = f"{NONCONFORMANCES}, {WAIVERS} and {VERIFICATIONS}"
         raise Refused(
-            f"there is no report or waiver '{number}'{did_you_mean(number, known)}",
-            f"there are: {', '.join(known) or 'none'}, in {folders.fixtures.name}/{NONCONFORMANCES} and {WAIVERS}",
+            f"there is no report, waiver or verification '{number}'{did_you_mean(number, known)}",
+            f"there are: {', '.join(known) or 'none'}, in {folders.fixtures.name}/{files}",
         )
-    if isinstance(item, Waiver):
-        _require_present(item, next(each for each in asked if each.id == item.requirement))
-        return record_subject_of(item, {})
+    if not isinstance(item, Nonconformance):
+        its = next(each for each in asked if each.id == item.requirement)
+        _require_present(item, its)
+        if isinstance(item, Verification):
+            _require_documents(item, _documents(folders.fixtures, found))
+        subject = record_subject_of(item, {})
+        return replace(subject, alone=subject.alone and not its.independent)
     if not item.complete:
         raise Refused(f"{number} is not complete: it cannot be approved", "give its disposition, and what was done")
     folder = folders.reports / item.run
     return record_subject_of(item, {item.run: verify(folder).operator} if item.run and folder.is_dir() else {})
 
 
-def _require_present(waiver: Waiver, asked: Asked) -> None:
+def _documents(fixtures: Path, records: Records) -> dict[str, str]:
+    """Return the SHA-256 of every document that a verification names; empty of what is not there or no file."""
+    found = {}
+    for file in {each.file for item in records.verifications.values() for each in item.documents}:
+        try:
+            found[file] = sha256_of((fixtures / file).resolve(strict=True))
+        except (OSError, RuntimeError):
+            found[file] = ""
+    return found
+
+
+def _require_documents(item: Verification, there: Mapping[str, str]) -> None:
+    for each in item.documents:
+        if there.get(each.file) != each.sha256:
+            now = f"has the SHA-256 {there[each.file]}" if there.get(each.file) else "is not there"
+            raise Refused(f"{item.id}: {each.file} {now}", f"put the document back whose SHA-256 is {each.sha256}")
+
+
+def _require_present(waiver: Waiver | Verification, asked: Asked) -> None:
     if (waiver.rev, waiver.fingerprint) != (asked.rev, asked.fingerprint):
         raise Refused(
             f"{waiver.id} is for rev {waiver.rev} of {asked.id}, which is now rev {asked.rev}, or has another meaning",
@@ -290,4 +320,6 @@ def asked_of(item: Requirement, document: Document, part_numbers: Iterable[str])
         issue=document.issue,
         place=f"{item.place.path}:{item.place.line}",
         part_numbers=tuple(part_numbers),
+        witness=item.witness,
+        independent=item.independent,
     )

@@ -31,12 +31,13 @@ from hil.evidence.ledger.entries import (
 from hil.model.errors import EvidenceError, Refused
 from hil.model.identity import Dut
 from hil.registers.instruments import RegisteredInstrument
-from hil.registers.nonconformances import Nonconformance, Record, Records, Waiver
+from hil.registers.nonconformances import Filing, Nonconformance, Record, Records, Verification, Waiver
 from hil.registers.signers import Signers
 
 __all__ = [
     "ANALYSIS",
     "REPORTS",
+    "VERIFICATIONS",
     "WAIVERS",
     "approvals_of",
     "baseline",
@@ -49,12 +50,13 @@ __all__ = [
     "record_subject_of",
     "remembered",
     "reports_ever",
+    "verifications_ever",
 ]
 
 ANALYSIS = "analysis"
 """The subject of the baselines that name the analysis."""
-REPORTS, WAIVERS = "nonconformances", "waivers"
-"""The subjects of the baselines of reports and waivers."""
+REPORTS, WAIVERS, VERIFICATIONS = "nonconformances", "waivers", "verifications"
+"""The subjects of the baselines of reports, waivers and verifications."""
 
 _Item = TypeVar("_Item")
 
@@ -113,7 +115,12 @@ def record(reports: Path, world: World, document: Document) -> tuple[int, int]:
     subjects = {**_subjects(world.asked, world.register), ANALYSIS: (world.analysis,)}
     entered = {each.subject for each in world.entries if isinstance(each, Baseline)}
     filed = world.filed.registers
-    for subject, items in ((REPORTS, filed.nonconformances), (WAIVERS, filed.waivers)):
+    by_subject: Mapping[str, Mapping[str, object]] = {
+        REPORTS: filed.nonconformances,
+        WAIVERS: filed.waivers,
+        VERIFICATIONS: filed.verifications,
+    }
+    for subject, items in by_subject.items():
         if items or subject in entered:
             subjects[subject] = tuple(items.values())
     baselines = _changed(reports, world.entries, subjects)
@@ -237,7 +244,12 @@ def _signed_then(world: World, reports: Path, entries: tuple[Entry, ...], day: s
     """Return what was asked for and signed by the signers of that day; by those of now where none were kept."""
     found = baseline(reports, entries, REPORTS, Nonconformance) or ()
     waivers = baseline(reports, entries, WAIVERS, Waiver) or ()
-    records = Records(nonconformances={each.id: each for each in found}, waivers={each.id: each for each in waivers})
+    shown = baseline(reports, entries, VERIFICATIONS, Verification) or ()
+    records = Records(
+        nonconformances={each.id: each for each in found},
+        waivers={each.id: each for each in waivers},
+        verifications={each.id: each for each in shown},
+    )
     with TemporaryDirectory() as place:
         ledger, signers = Ledger(reports=reports, entries=entries), signers_then(reports, entries, Path(place))
         if signers is None:
@@ -246,7 +258,13 @@ def _signed_then(world: World, reports: Path, entries: tuple[Entry, ...], day: s
             policy = policy_of(ledger, world.packages, signers).until(day)
             approvals = approvals_of(ledger, world.packages, signers, records)
     counted = tuple(each for each in approvals if each.utc[:10] <= day)
-    filed = Filed(registers=records, earlier=reports_ever(reports, entries), approvals=counted)
+    filed = Filed(
+        registers=records,
+        earlier=reports_ever(reports, entries),
+        shown=verifications_ever(reports, entries),
+        documents={each.file: each.sha256 for item in shown for each in item.documents},  # as they were approved
+        approvals=counted,
+    )
     return {"policy": policy, "filed": filed}
 
 
@@ -256,44 +274,68 @@ def reports_ever(reports: Path, entries: Sequence[Entry]) -> tuple[Nonconformanc
     Raises:
         EvidenceError: if an object of the ledger is missing or was changed.
     """
-    names = dict.fromkeys(each.object for each in entries if isinstance(each, Baseline) and each.subject == REPORTS)
-    found = [each for name in names for each in _decoded(reports, name, REPORTS, Nonconformance)]
+    return _ever(reports, entries, REPORTS, "NCR-", Nonconformance)
+
+
+def verifications_ever(reports: Path, entries: Sequence[Entry]) -> tuple[Verification, ...]:
+    """Return every verification that was ever entered or approved, as `reports_ever` does."""
+    return _ever(reports, entries, VERIFICATIONS, "V-", Verification)
+
+
+def _ever(reports: Path, entries: Sequence[Entry], subject: str, number: str, kind: type[_Item]) -> tuple[_Item, ...]:
+    names = dict.fromkeys(each.object for each in entries if isinstance(each, Baseline) and each.subject == subject)
+    found = [each for name in names for each in _decoded(reports, name, subject, kind)]
     found += [
-        msgspec.json.decode(read_object(reports, each.evidence), type=Nonconformance)
+        msgspec.json.decode(read_object(reports, each.evidence), type=kind)
         for each in entries
-        if isinstance(each, Approved) and each.run.startswith("NCR-")
+        if isinstance(each, Approved) and each.run.startswith(number)
     ]
     return tuple(dict.fromkeys(found))
 
 
-def record_subject_of(item: Nonconformance | Waiver, operators: Mapping[str, str]) -> Subject:
-    """Return what is approved of a report or a waiver; the operator of the run that it speaks of cannot approve it.
+def record_subject_of(item: Filing, operators: Mapping[str, str]) -> Subject:
+    """Return what is approved of a record; the operator of the run that it speaks of cannot approve it.
+
+    The author of a verification may, unless its requirement asks for somebody else.
 
     Args:
-        item: the report or the waiver.
+        item: the report, the waiver or the verification.
         operators: who ran what, by the names of runs.
     """
     record = Record(of=item)
     run = item.run if isinstance(item, Nonconformance) else ""
     others = (operators[run],) if operators.get(run) else ()
-    return Subject(run=item.id, evidence=record.sha256, operator=item.by, content=record.content, others=others)
+    return Subject(
+        run=item.id,
+        evidence=record.sha256,
+        operator=item.by,
+        content=record.content,
+        others=others,
+        alone=isinstance(item, Verification),
+    )
 
 
 def approvals_of(
     ledger: Ledger, packages: Iterable[Package], signers: Signers, records: Records
 ) -> tuple[Approval, ...]:
-    """Return every approval of reports and waivers, as they are now, that counts and whose time can be believed."""
+    """Return every approval of a record as it is now that counts, and whose time can be believed."""
     operators = {name: package.operator for package in packages for name in (package.run, package.folder)}
-    every: tuple[Nonconformance | Waiver, ...] = (*records.nonconformances.values(), *records.waivers.values())
     found: list[Approval] = []
     doubted = set_back(ledger.entries)
-    for item in every:
+    for item in records.every:
+        author = signers.called(item.by)
         for each in said_of(ledger, record_subject_of(item, operators), signers):
             it = each.entry
             if isinstance(it, Approved) and not each.problem and it.seq not in doubted:
                 found.append(
                     Approval(
-                        record=it.run, sha256=it.evidence, role=it.role, principal=it.principal, utc=it.utc, seq=it.seq
+                        record=it.run,
+                        sha256=it.evidence,
+                        role=it.role,
+                        principal=it.principal,
+                        utc=it.utc,
+                        seq=it.seq,
+                        own=author is None or author.principal == it.principal,
                     )
                 )
     return tuple(found)

@@ -69,7 +69,12 @@ def _cells(row: Row, exceptions: Mapping[str, Sequence[str]]) -> tuple[str, ...]
         row.stage,
         row.method,
         _lines(plan),
-        _lines(f"{each.date[:10]} {each.verdict} {each.package} {each.digest}".strip() for each in row.evidence),
+        _lines(
+            (
+                *(f"{each.date[:10]} {each.verdict} {each.package} {each.digest}".strip() for each in row.evidence),
+                *(each.told for each in row.stated),
+            )
+        ),
         row.compliance,
         row.close_out,
         _lines(_reasons(row)),

@@ -1,8 +1,9 @@
-"""What was accepted although it does not conform: nonconformance reports and waivers, each a strict register.
+"""What persons state and approve: nonconformance reports, waivers, and verifications without a run, each in a register.
 
 `fixtures/nonconformances.yaml` has what went wrong and what was done about it, `fixtures/waivers.yaml` which
-requirement need not be met by which unit. Neither counts for anything until somebody else has approved its present
-content: the ledger has the approval, with the content's hash.
+requirement need not be met by which unit, `fixtures/verifications.yaml` what was shown by analysis, inspection or
+review, with its documents. None counts for anything until its present content is approved: the ledger has the approval,
+with the content's hash.
 """
 
 from __future__ import annotations
@@ -20,28 +21,38 @@ from hil.documents.declared import Document, read_document
 from hil.documents.findings import Findings
 from hil.documents.suggest import did_you_mean
 from hil.model.identity import Day, Dut
-from hil.model.notation import AnyText, Text, matching
+from hil.model.notation import AnyText, Text, matching, one_of
 from hil.model.notation import Path as Keys
+from hil.model.verdict import Verdict
 
 __all__ = [
     "NONCONFORMANCES",
+    "VERIFICATIONS",
     "WAIVERS",
     "Action",
     "Disposition",
+    "Filing",
+    "NamedDocument",
     "Nonconformance",
     "Record",
     "Records",
     "UnitName",
+    "Verification",
     "Waiver",
     "load_records",
 ]
 
-NONCONFORMANCES, WAIVERS = "nonconformances.yaml", "waivers.yaml"
+NONCONFORMANCES, WAIVERS, VERIFICATIONS = "nonconformances.yaml", "waivers.yaml", "verifications.yaml"
 """The files' names, in the folder of fixtures."""
 
 _Number = Annotated[str, matching("NCR-[A-Za-z0-9._-]+", "a number such as NCR-0007")]
 _WaiverNumber = Annotated[str, matching("W-[A-Za-z0-9._-]+", "a number such as W-0003")]
+_INSPECTION = "inspection"
+_VerificationNumber = Annotated[str, matching("V-[A-Za-z0-9._-]+", "a number such as V-0012")]
 _Digest = Annotated[str, matching("[0-9a-f]{64}", "the 64 digits of the requirement's fingerprint")]
+_FileDigest = Annotated[str, matching("[0-9a-f]{64}", "the 64 digits that sha256sum prints")]
+_Shown = Annotated[str, one_of("analysis", _INSPECTION, "review")]
+_Verdict = Annotated[str, one_of(Verdict.PASS, Verdict.FAIL, Verdict.INCONCLUSIVE)]
 
 
 class Disposition(StrEnum):
@@ -143,10 +154,58 @@ class Waiver:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Record:
-    """What is approved of a report or a waiver: its number, its author, and its content by its hash."""
+class NamedDocument:
+    """A document by its path in the folder of fixtures, and its SHA-256."""
 
-    of: Nonconformance | Waiver
+    file: Text
+    sha256: _FileDigest
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verification:
+    """A statement that a requirement is met, or is not, by analysis, inspection or review.
+
+    Attributes:
+        id: its number.
+        title: what was done, in one line.
+        method: how: by `analysis`, `inspection` or `review`.
+        date: the day on which it was complete.
+        by: who did it.
+        role: in what role, such as thermal analyst.
+        requirement: the requirement.
+        rev: its revision.
+        fingerprint: its fingerprint, as its lock and the audit give it.
+        verdict: `PASS`, `FAIL` or `INCONCLUSIVE`.
+        statement: what was found, in a sentence or more.
+        documents: what shows it.
+        units: the units that it speaks of; an inspection is of units.
+        witness: who was present, if the requirement asks for somebody.
+    """
+
+    id: _VerificationNumber
+    title: Text
+    method: _Shown
+    date: Day
+    by: Text
+    role: Text
+    requirement: Text
+    rev: int
+    fingerprint: _Digest
+    verdict: _Verdict
+    statement: Text
+    documents: tuple[NamedDocument, ...]
+    units: tuple[UnitName, ...] = ()
+    witness: AnyText = ""
+
+
+Filing = Nonconformance | Waiver | Verification
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Record:
+    """What is approved of a report, a waiver or a verification: its number, its author, its content by its hash."""
+
+    of: Filing
 
     @property
     def content(self) -> bytes:
@@ -167,14 +226,20 @@ def _told(value: Any) -> Any:  # noqa: ANN401 - whatever a record holds
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Records:
-    """The two registers of a workspace, by number."""
+    """The registers of a workspace, by number."""
 
     nonconformances: Mapping[str, Nonconformance] = field(default_factory=dict)
     waivers: Mapping[str, Waiver] = field(default_factory=dict)
+    verifications: Mapping[str, Verification] = field(default_factory=dict)
 
-    def find(self, number: str) -> Nonconformance | Waiver | None:
-        """Return the report or waiver of a number, None if there is none."""
-        return self.nonconformances.get(number) or self.waivers.get(number)
+    @property
+    def every(self) -> tuple[Filing, ...]:
+        """All of them."""
+        return (*self.nonconformances.values(), *self.waivers.values(), *self.verifications.values())
+
+    def find(self, number: str) -> Filing | None:
+        """Return what has a number, None if nothing has."""
+        return self.nonconformances.get(number) or self.waivers.get(number) or self.verifications.get(number)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -187,7 +252,12 @@ class _Waivers:
     waivers: tuple[Waiver, ...]
 
 
-_Found = TypeVar("_Found", bound=Nonconformance | Waiver)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Verifications:
+    verifications: tuple[Verification, ...]
+
+
+_Found = TypeVar("_Found", bound=Nonconformance | Waiver | Verification)
 _Problems = Iterator[tuple[Keys, str]]
 
 
@@ -198,7 +268,7 @@ def load_records(
     requirements: Mapping[str, str] | None = None,
     duts: Mapping[str, Dut] | None = None,
 ) -> Records:
-    """Read both registers and add what is wrong to the findings; a workspace need not have them.
+    """Read the registers and add what is wrong to the findings; a workspace need not have them.
 
     Args:
         fixtures: the folder of fixtures.
@@ -217,7 +287,9 @@ def load_records(
             yield ("nonconformance",), f"there is no report '{waiver.nonconformance}'{_near(waiver, reports)}"
 
     waivers = _by_number(second, "waivers", second.model.waivers, findings, of_waiver) if second else {}
-    return Records(nonconformances=reports, waivers=waivers)
+    third = _read(fixtures / VERIFICATIONS, findings, _Verifications)
+    shown = _by_number(third, "verifications", third.model.verifications, findings, known.of) if third else {}
+    return Records(nonconformances=reports, waivers=waivers, verifications=shown)
 
 
 def _near(waiver: Waiver, reports: Mapping[str, Nonconformance]) -> str:
@@ -255,24 +327,23 @@ def _by_number(
 
 
 class _Known:
-    """What a report or a waiver may name."""
+    """What a report, a waiver or a verification may name."""
 
     def __init__(self, requirements: Mapping[str, str] | None, duts: Mapping[str, Dut] | None) -> None:
         self._requirements, self._duts = requirements, duts
 
-    def of(self, item: Nonconformance | Waiver) -> _Problems:
+    def of(self, item: Filing) -> _Problems:
         """Give what is wrong with an item: its key and a sentence."""
         for keys, day in _days(item):
             if day and not is_date(day):
                 yield keys, f"the date {day} does not exist"
-        if not item.units:
+        if not item.units and not (isinstance(item, Verification) and item.method != _INSPECTION):
             yield ("units",), "name at least one unit, with part and serial number"
         for index, unit in enumerate(item.units):
             yield from ((("units", index), problem) for problem in self._unit(unit))
-        if isinstance(item, Waiver):
+        if isinstance(item, Waiver | Verification):
             yield from ((("requirement",), problem) for problem in self._requirement(item.requirement))
-            if item.until < item.date:
-                yield ("until",), f"it counts until {item.until}, and was asked for on {item.date}"
+            yield from _of_waiver(item) if isinstance(item, Waiver) else _of_verification(item)
             return
         if not item.requirements:
             yield ("requirements",), "name at least one requirement"
@@ -299,9 +370,25 @@ class _Known:
             yield f"{unit.serial} is of the part {dut.part}, not {unit.part}"
 
 
-def _days(item: Nonconformance | Waiver) -> Iterator[tuple[Keys, str]]:
+def _of_waiver(item: Waiver) -> _Problems:
+    if item.until < item.date:
+        yield ("until",), f"it counts until {item.until}, and was asked for on {item.date}"
+
+
+def _of_verification(item: Verification) -> _Problems:
+    if not item.documents:
+        yield ("documents",), "name at least one document, with file and sha256: nothing is shown without one"
+    for index, each in enumerate(item.documents):
+        parts = each.file.split("/")
+        if each.file and (".." in parts or "" in parts or "\\" in each.file):
+            yield ("documents", index, "file"), f"'{each.file}' must be a path below the folder of fixtures"
+    if item.witness and " ".join(item.witness.casefold().split()) == " ".join(item.by.casefold().split()):
+        yield ("witness",), f"{item.witness.strip()} did it, and cannot be the witness of it"
+
+
+def _days(item: Filing) -> Iterator[tuple[Keys, str]]:
     yield ("date",), item.date
     if isinstance(item, Waiver):
         yield ("until",), item.until
-    elif item.action is not None:
+    elif isinstance(item, Nonconformance) and item.action is not None:
         yield ("action", "date"), item.action.date

@@ -148,6 +148,8 @@ class Requirement:
         parents: ids of the requirements that this one serves.
         over: case parameters to the values that planned cases must cover between them.
         max_age_s: how old its evidence may get, or None.
+        witness: who has to be present when it is verified, by role or name; empty if nobody has to.
+        independent: whether somebody else than who did it has to confirm its verification.
         withdrawn: no longer asked for; its id is never used again.
         anomaly: what is wrong with the text at its source.
         place: where it is written.
@@ -167,6 +169,8 @@ class Requirement:
     records: Records | None = None
     over: Mapping[str, tuple[Text, ...]] = field(default_factory=dict)
     max_age_s: Seconds | None = field(default=None, metadata={"alias": "max_age"})
+    witness: AnyText = ""
+    independent: Flag = False
     withdrawn: Flag = False
     anomaly: AnyText = ""
     rationale: AnyText = ""
@@ -180,7 +184,8 @@ class Requirement:
     @property
     def _meant(self) -> _Meant:
         named = (self.id, self.text, self.kind, self.method, self.level, self.stage)
-        return _Meant(*named, self.limits, self.records, tuple(self.over.items()), self.max_age_s)
+        people = self.witness, self.independent
+        return _Meant(*named, self.limits, self.records, tuple(self.over.items()), self.max_age_s, *people)
 
     @property
     def explanation(self) -> dict[str, object]:
@@ -225,6 +230,8 @@ class _Meant(NamedTuple):
     records: Records | None
     over: tuple[tuple[str, tuple[str, ...]], ...]
     max_age_s: float | None
+    witness: str
+    independent: bool
 
     def as_json(self) -> dict[str, object]:
         """Return the meaning."""
@@ -240,6 +247,8 @@ class _Meant(NamedTuple):
             "over": {name: sorted(values) for name, values in self.over},
             # Left out where it is not given, so that the requirements from before it keep their fingerprints.
             **({} if self.max_age_s is None else {"max_age_s": self.max_age_s}),
+            **({"witness": self.witness} if self.witness else {}),
+            **({"independent": True} if self.independent else {}),
         }
 
 

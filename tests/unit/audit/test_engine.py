@@ -11,7 +11,6 @@ import msgspec
 import pytest
 from audited import ASKED, PARENT, changed_package, closed_world, codes, package, result, row, seal_of, world_of
 
-from hil.audit.document import Code
 from hil.audit.engine import audit
 from hil.audit.inputs import Policy
 from hil.audit.ledgered import DISPOSITION
@@ -19,6 +18,7 @@ from hil.audit.pages.page import as_html
 from hil.audit.pages.terminal import GROUPS, as_lines
 from hil.audit.pages.workbook import _summary as summary_sheet
 from hil.audit.pages.workbook import as_xlsx
+from hil.audit.reasons import Code
 from hil.audit.tables import as_csv, as_json
 from hil.evidence.ledger.entries import Head
 from hil.evidence.results.eligibility import of_simulation
@@ -254,7 +254,7 @@ def test_what_no_case_can_verify_says_so():
     """What no case can verify says so."""
     review = msgspec.structs.replace(ASKED, method="review")
     found = row(replace(world_of([]), asked=(review,)))
-    assert found.reasons[0].text == "it is verified by review, and no package shows that"
+    assert found.reasons[0].text == "it is verified by review, and neither a package nor a verification shows that"
     assert not audit(replace(world_of([]), asked=(review,))).gaps
 
 

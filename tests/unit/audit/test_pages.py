@@ -16,9 +16,10 @@ import pytest
 from audit_documents import document, document_of, row
 from msgspec.structs import replace
 
-from hil.audit.document import Code, Evidence, Gap, GapKind, Planning, Reason
+from hil.audit.document import Evidence, Gap, GapKind, Planning
 from hil.audit.pages.page import as_html
 from hil.audit.pages.workbook import as_xlsx
+from hil.audit.reasons import Code, Reason
 
 CELL = "{http://schemas.openxmlformats.org/spreadsheetml/2006/main}"
 HOSTILE = "<script>alert(1)</script>\"'><img src=x onerror=alert(1)>&amp;"

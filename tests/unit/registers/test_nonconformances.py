@@ -6,7 +6,7 @@ import pytest
 
 from hil.documents.findings import Findings
 from hil.model.identity import Dut, Model
-from hil.registers.nonconformances import Action, Disposition, Record, UnitName, load_records
+from hil.registers.nonconformances import Action, Disposition, NamedDocument, Record, UnitName, load_records
 
 REPORTS = """schema: hil/nonconformances/1
 nonconformances:
@@ -35,19 +35,74 @@ waivers:
   reason: The cell stands it
   nonconformance: NCR-7
 """
+VERIFICATIONS = f"""schema: hil/verifications/1
+verifications:
+- id: V-1
+  title: Drawing of the cell
+  method: inspection
+  date: "2026-06-03"
+  by: Ada
+  role: inspector
+  requirement: EPS-1
+  rev: 1
+  fingerprint: {"f" * 64}
+  verdict: PASS
+  statement: The cell has the size of the drawing
+  documents: [{{file: documents/cell.pdf, sha256: {"a" * 64}}}]
+  units: [{{part: BAT-1, serial: FM-7}}]
+  witness: Quinn
+"""
 DUTS = {"FM-7": Dut(serial="FM-7", part="BAT-1", model=Model.FM, hardware="A")}
 KINDS = {"EPS-1": "limit", "EPS-0": "parent"}
 
 
-def load(tmp_path, reports=REPORTS, waivers=WAIVERS):
+def load(tmp_path, reports=REPORTS, waivers=WAIVERS, verifications=VERIFICATIONS):
     """Return what the registers hold, and what is wrong with them."""
     fixtures = tmp_path / "fixtures"
     fixtures.mkdir(exist_ok=True)
     (fixtures / "nonconformances.yaml").write_text(reports, encoding="utf-8")
     (fixtures / "waivers.yaml").write_text(waivers, encoding="utf-8")
+    (fixtures / "verifications.yaml").write_text(verifications, encoding="utf-8")
     findings = Findings()
     found = load_records(fixtures, findings, requirements=KINDS, duts=DUTS)
     return found, [str(each) for each in findings]
+
+
+def test_a_verification_is_read_whole(tmp_path):
+    """An analysis or a review need not name a unit."""
+    found, wrong = load(tmp_path)
+    assert wrong == []
+    item = found.find("V-1")
+    assert (item.method, item.verdict, item.witness) == ("inspection", "PASS", "Quinn")
+    assert item.documents == (NamedDocument(file="documents/cell.pdf", sha256="a" * 64),)
+    without = VERIFICATIONS.replace("  units: [{part: BAT-1, serial: FM-7}]\n", "")
+    assert load(tmp_path, verifications=without.replace("inspection", "analysis"))[1] == []
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("inspection", "test", "verifications.yaml:5:11: verifications: 'method' must be one of"),
+        ("verdict: PASS", "verdict: RECORDED", "verifications: 'verdict' must be one of"),
+        (
+            "witness: Quinn",
+            "witness: ' ada'",
+            "verifications.yaml:16:12: V-1: ada did it, and cannot be the witness",
+        ),
+        ("documents/cell.pdf", "../cell.pdf", "V-1: '../cell.pdf' must be a path below the folder of fixtures"),
+        ("documents/cell.pdf", "/cell.pdf", "V-1: '/cell.pdf' must be a path below the folder of fixtures"),
+        ("a" * 64, "a" * 63, "'sha256' must be the 64 digits that sha256sum prints"),
+        ("[{file: documents/cell.pdf, sha256: " + "a" * 64 + "}]", "[]", "V-1: name at least one document"),
+        ("  units: [{part: BAT-1, serial: FM-7}]\n", "", "V-1: name at least one unit"),
+        ("2026-06-03", "2026-06-31", "V-1: the date 2026-06-31 does not exist"),
+        ("requirement: EPS-1", "requirement: EPS-2", "V-1: there is no requirement 'EPS-2', did you mean 'EPS-1'?"),
+        ("by: Ada", "by: ''", "'by'"),
+    ],
+)
+def test_a_wrong_verification_has_a_place(tmp_path, old, new, message):
+    """Methods that runs show, verdicts that are none, documents elsewhere, a witness who did it."""
+    _, wrong = load(tmp_path, verifications=VERIFICATIONS.replace(old, new, 1))
+    assert any(message in line for line in wrong), wrong
 
 
 def test_both_are_read_whole(tmp_path):

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from hil.audit.document import Code, Compliance, Document, Summary
+from hil.audit.document import Compliance, Document, Summary
 from hil.audit.pages.markup import escaped, link, plain
+from hil.audit.reasons import Code
 
 __all__ = ["TONES", "overview"]
 

@@ -12,9 +12,10 @@ from collections.abc import Iterable, Iterator, Sequence
 from functools import cache
 from itertools import groupby
 
-from hil.audit.document import CloseOut, Code, Compliance, Document, Gap, GapKind, OnHardware, Reason, Row
+from hil.audit.document import CloseOut, Compliance, Document, Gap, GapKind, OnHardware, Row, Stated
 from hil.audit.pages.markup import anchor, asset, escaped, link, plain, quoted
 from hil.audit.pages.overview import TONES, overview
+from hil.audit.reasons import Code, Reason
 
 __all__ = ["as_html"]
 
@@ -133,7 +134,7 @@ class _Rows:
         return link(name) if name in self._known else escaped(name)
 
     def _references(self, row: Row) -> str:
-        if not row.evidence:
+        if not row.evidence and not row.stated:
             return _MISSING
         told = (
             self._reference(each.verdict, each.date[:10], each.source, each.dut, each.exceptions)
@@ -141,7 +142,7 @@ class _Rows:
             + f"<br>{self._package(each.package)}</li>"
             for each in row.evidence
         )
-        return f"<ul>{''.join(told)}</ul>"
+        return f"<ul>{''.join(told)}{''.join(_stated(each, row) for each in row.stated)}</ul>"
 
     @staticmethod
     def _evidence(verdict: str, day: str, source: str, dut: str, exceptions: tuple[str, ...]) -> str:
@@ -207,6 +208,23 @@ def _on_hardware(would: OnHardware | None) -> str:
 
 def _anomaly(row: Row) -> str:
     return f'<p class="anomaly"><b>Anomaly of the source</b> {escaped(row.anomaly)}</p>' if row.anomaly else ""
+
+
+def _stated(each: Stated, row: Row) -> str:
+    """Return what was stated without a run: method and verdict, who, and the documents with their digests."""
+    tone = "good" if each.verdict in _GOOD else "bad" if each.verdict == "FAIL" else "open"
+    closes = _CLOSES if each.closes and each.number == row.closed_by else ""
+    who = f"{each.by} ({each.role})" + (f", witnessed by {each.witness}" if each.witness else "")
+    more = "; ".join(part for part in (f"by {who}", ", ".join(each.units), each.approved) if part)
+    documents = "".join(
+        f'<br>{escaped(file)} <span class="soft" title="{digest}">SHA-256 {digest[:12]}…</span>'
+        for file, digest in each.documents
+    )
+    return (
+        f'<li><b class="{tone}">{escaped(each.verdict)}</b> {escaped(each.date)} · {escaped(each.method)}'
+        f" {escaped(each.number)}{closes}<br>{escaped(each.statement)}"
+        f'<br><span class="soft">{escaped(more)}</span>{documents}</li>'
+    )
 
 
 def _planning(row: Row) -> str:

@@ -6,7 +6,8 @@ import textwrap
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-from hil.audit.document import Code, Document, GapKind, Summary
+from hil.audit.document import Document, GapKind, Summary
+from hil.audit.reasons import Code
 
 __all__ = ["GROUPS", "as_lines"]
 

@@ -68,7 +68,7 @@ def as_xlsx(document: Document) -> bytes:
     sheets = _Sheets(book)
     sheets.add("Summary", (("", 44), ("", 80)), _summary(document), head=False)
     sheets.add("Requirements", _REQUIREMENTS, map(_requirement, document.rows))
-    sheets.add("Evidence", _EVIDENCE, (cells for row in document.rows for cells in _evidence(row)))
+    sheets.add("Evidence", _EVIDENCE, (cells for row in document.rows for cells in (*_evidence(row), *_stated(row))))
     sheets.add("On hardware", _ON_HARDWARE, (cells for row in document.rows for cells in _on_hardware(row)))
     sheets.add("Records", _RECORDS, ((row.id, each) for row in document.rows for each in row.records))
     sheets.add("Gaps", _GAPS, ((gap.kind.value, gap.name, gap.where) for gap in document.gaps))
@@ -151,7 +151,12 @@ def _requirement(row: Row) -> _Cells:
         _lines((row.level, row.stage)),
         row.method,
         _lines((named, planning.plan, planning.place, *planning.cases)),
-        _lines(f"{each.verdict} {each.date[:10]} {each.source} {each.package}" for each in row.evidence),
+        _lines(
+            (
+                *(f"{each.verdict} {each.date[:10]} {each.source} {each.package}" for each in row.evidence),
+                *(each.told for each in row.stated),
+            )
+        ),
         row.compliance.value,
         row.close_out.value,
         _lines(
@@ -183,6 +188,17 @@ def _evidence(row: Row) -> Iterator[_Cells]:
             reasons,
             _lines(each.exceptions),
         )
+
+
+def _stated(row: Row) -> Iterator[_Cells]:
+    """Give what was stated without a run in the columns of evidence: the documents take the place of the digest."""
+    for each in row.stated:
+        documents = _lines(f"{file} {digest}" for file, digest in each.documents)
+        reasons = _lines(f"{reason.code.value}: {reason.text}" for reason in each.reasons)
+        closes = "yes" if each.closes else "no"
+        who = f"{each.by} ({each.role})"
+        units = _lines(each.units)
+        yield row.id, each.number, documents, each.date, each.verdict, each.method, who, units, closes, reasons, ""
 
 
 def _on_hardware(row: Row) -> Iterator[_Cells]:
