@@ -6,27 +6,22 @@ import json
 import math
 
 import pytest
-from sensor_bench import Bench, SensorChip
+from behind_obc import BehindObc
+from sensor_bench import BME680, Bench
 
-from hil.instruments.bme680 import Bme680, Coefficients
+from hil.instruments.bme680 import Coefficients
 from hil.model.bench import Wire
 from hil.model.errors import Garbled, NoReply, Refused, Rejected, WrongIdentity
 from hil.model.identity import Identity
-from hil.simulation.peers.bme680 import MODEL
 from hil.simulation.truth import TruthError
 
-CHIP = SensorChip(
-    driver=Bme680, model=MODEL, role="thermometer", unit="degC", named="BME680", address=0x76, strapped=0x77,
-    power_on=(0x74, b"\x00"), ranges=(), rates=(), narrow=0.0, truth={}, expected=(), close=0.0, sleep=(0x74, 0x00),
-)  # fmt: skip
 PUBLISHED = (26203, 26519, 3)
 OTHER = (25790, 26312, -7)
 
 
-def made(celsius="25", noise="0", *, board=False, **more):
+def made(celsius="25", noise="0", *, path=Bench, **more):
     """Return a sensor at a temperature."""
-    truth = {"temperature": celsius, "noise": noise, **more.pop("truth", {})}
-    return Bench(CHIP, truth=truth, board=board, **more)
+    return path(BME680, truth={"temperature": celsius, "noise": noise, **more.pop("truth", {})}, **more)
 
 
 def measured(bench, mode=0xA1):
@@ -88,12 +83,12 @@ def test_the_filter_follows_slowly():
     assert after == pytest.approx([25.0, 28.75], abs=0.05)
 
 
-@pytest.mark.parametrize("board", [False, True], ids=["host", "obc"])
+@pytest.mark.parametrize("path", [Bench, BehindObc], ids=["host", "obc"])
 @pytest.mark.parametrize("averages", ["1", "16"])
-def test_the_driver_reads_what_the_sensor_feels(averages, board):
+def test_the_driver_reads_what_the_sensor_feels(averages, path):
     """Whatever article it is, and on both buses; nothing is asked of its heater."""
     truth = {"coefficients": [str(each) for each in OTHER], "temperature_offset": "0.5"}
-    bench = made("-12.5", "0.01", board=board, truth=truth, settings={"averages": averages})
+    bench = made("-12.5", "0.01", path=path, truth=truth, settings={"averages": averages})
     bench.sensor.start()
     figures = [bench.sensor.temperature() for _ in range(5)]
     assert all(figure.value == pytest.approx(-12.0, abs=0.05) and figure.unit == "degC" for figure in figures)

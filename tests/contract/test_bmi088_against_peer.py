@@ -8,6 +8,7 @@ import struct
 import pytest
 from sensor_bench import BMI088, BMI088_ACCELEROMETER, Bench
 
+from hil.analysis.noise.rate_noise import RateNoise
 from hil.instruments.driver import Strap
 from hil.model.bench import InstrumentSpec, Wire
 from hil.model.errors import Garbled, NoReply, Refused, WrongIdentity
@@ -90,6 +91,38 @@ def test_the_fifo_counts_a_hundred_frames_and_then_says_that_it_lost_some():
     assert get(bench, GYRO, 0x0E) == bytes([0x80 | 98])
     put(bench, GYRO, x3E=0x80)
     assert get(bench, GYRO, 0x0E) == b"\x00"
+
+
+def test_axes_that_nobody_reads_are_not_made(monkeypatch):
+    """Identity, status, temperature and sleep need none of them, however long the dies have run."""
+    bench = Bench(BMI088)
+    resume(bench)
+
+    def made_all_the_same(*_):
+        raise AssertionError("samples of an axis were made")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(RateNoise, "samples", made_all_the_same)
+        bench.clock.sleep(3600.0)
+        assert (get(bench, GYRO, 0x00), get(bench, GYRO, 0x0A), get(bench, ACC, 0x22, 2)) == (
+            b"\x0f",
+            b"\x80",
+            b"\x02\x00",
+        )
+        put(bench, GYRO, x11=0x80)
+        put(bench, ACC, x7D=0x00)
+    assert get(bench, GYRO, 0x02, 6) + get(bench, ACC, 0x12, 6) == bytes(12)
+
+
+def test_what_was_measured_before_a_setting_has_the_old_one():
+    """Until the first new sample, data registers show the last of the old range, read before or not."""
+    bench = made(bias_x=["100", "0", "0"])
+    put(bench, GYRO, x10=0x07)
+    bench.clock.sleep(0.05)
+    put(bench, GYRO, x0F=0x04)
+    assert struct.unpack("<hhh", get(bench, GYRO, 0x02, 6))[0] == round(100 * 16.384)
+    bench.clock.sleep(0.02)
+    assert struct.unpack("<hhh", get(bench, GYRO, 0x02, 6))[0] == round(100 * 262.144)
 
 
 def test_a_fifo_that_overflows_ends_the_stream():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from behind_obc import BehindObc
-from sensor_bench import BMI088, CHIPS, IIM42652, Bench
+from sensor_bench import BME680, BMI088, CHIPS, IIM42652, Bench
 
 from hil.model.errors import DeviceFault, NoReply
 
@@ -23,7 +23,7 @@ def test_the_same_samples_as_over_the_hosts_own_bus():
     assert own[:count, 0] == pytest.approx(behind[:count, 0], abs=0.01)
 
 
-@pytest.mark.parametrize("chip", CHIPS, ids=lambda chip: f"{chip.named} {chip.role}")
+@pytest.mark.parametrize("chip", [*CHIPS, BME680], ids=lambda chip: f"{chip.named} {chip.role}")
 def test_one_sample_is_the_same_number(chip):
     """A polled read of every sensor comes through the link unchanged: without noise, the same numbers by both ways."""
     none = ["0", "0", "0"]
@@ -31,6 +31,7 @@ def test_one_sample_is_the_same_number(chip):
         "gyroscope": {"white": none, "flicker": none, "random_walk": none},
         "accelerometer": {"accelerometer": {**chip.truth.get("accelerometer", {}), "white": none}},
         "magnetometer": {"noise": none},
+        "thermometer": {"noise": "0"},
     }[chip.role]
     samples = []
     for kind in (Bench, BehindObc):

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from contextlib import suppress
 
 import pytest
+import sweeps
 from by_bytes import BY_BYTES, rig
 from facing import facing
 
@@ -15,6 +17,8 @@ from hil.model.bench import Clamp, Wire
 from hil.model.errors import ClampExceeded, Garbled, NoReply, Refused, Rejected
 from hil.model.identity import Identity
 from hil.simulation.peers.korad_ka3005p import MODEL
+
+UNASKED = list(itertools.product(["0", "\x01", "0\n", "00.00"], ["7 ms", "110 ms", "333 ms"]))
 
 EXACT = {"voltage_noise": "0", "current_noise": "0"}
 
@@ -190,8 +194,7 @@ def test_a_late_supply_never_answers_the_wrong_question(by):
         assert all(value == pytest.approx(true) for value, true in readings)
 
 
-@pytest.mark.parametrize("text", ["0", "\x01", "0\n", "00.00"])
-@pytest.mark.parametrize("every", ["7 ms", "110 ms", "333 ms"])
+@pytest.mark.parametrize(("text", "every"), sweeps.sample(UNASKED, 6))
 def test_an_unasked_byte_is_no_reading_however_often_it_comes(text, every):
     """A supply that chatters what a safe one would say: on is never read as off, nor 4 V as none."""
     with supply(faults=[{"kind": "chatty", "from": "3 s", "every": every, "text": text}]) as (driver, clock):

@@ -63,6 +63,16 @@ def test_rates_have_the_sensitivity_of_the_data_sheet(code, milli):
     assert get(bench, AG, 0x28, 6) == bytes(6)
 
 
+def test_rates_stay_where_they_were_while_the_accelerometer_goes_on():
+    """The gyroscope is switched off: until the next sample of the die its registers show the last rate."""
+    bench = made(bias_x=["100", "0", "0"])
+    put(bench, AG, x10=0x60, x20=0x60)
+    bench.bus.write_byte_data(AG, 0x10, 0x00)
+    assert struct.unpack("<h", get(bench, AG, 0x18, 2)) == (round(100e3 / 8.75),)
+    bench.clock.sleep(0.2)
+    assert get(bench, AG, 0x18, 2) == bytes(2)
+
+
 @pytest.mark.parametrize(("code", "milli"), [(0, 0.061), (2, 0.122), (3, 0.244), (1, 0.732)])
 def test_the_codes_of_accelerations_are_not_in_their_order(code, milli):
     """Mg per count; 2, 4, 8 and 16 g."""
@@ -148,3 +158,19 @@ def test_asleep_and_raw_temperatures_are_found(chip):
     nap.clock.wait_until(2_000_000_000)
     with pytest.raises(WrongIdentity, match="is 0x3c, the LSM9DS1 has"):
         nap.sensor.start()
+
+
+def test_the_fifo_holds_32_levels_of_both_sensors():
+    """A transfer gives six numbers a level, the oldest first; what it told of a loss is gone with it."""
+    bench = made(bias_x=["100", "0", "0"])
+    put(bench, AG, x10=0x60, x20=0x60, x23=0x02)
+    bench.bus.write_byte_data(AG, 0x2E, 0xC0 | 10)
+    assert get(bench, AG, 0x2F) == b"\x00"
+    bench.clock.sleep(11 / 119)
+    assert get(bench, AG, 0x2F)[0] in {0x80 | 10, 0x80 | 11}
+    bench.clock.sleep(1.0)
+    assert get(bench, AG, 0x2F) == bytes([0x80 | 0x40 | 32])
+    assert struct.unpack("<12h", get(bench, AG, 0x18, 24)) == (11429, 0, 0, 0, 0, 16393) * 2
+    assert get(bench, AG, 0x2F) == bytes([0x80 | 30])
+    put(bench, AG, x2E=0x00)
+    assert get(bench, AG, 0x2F)[0] & 0x7F == 0

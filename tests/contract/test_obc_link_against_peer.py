@@ -13,7 +13,7 @@ from hil.clock.virtual import VirtualClock
 from hil.instruments.driver import Clamps, Connection
 from hil.instruments.obc_link.driver import ObcLink
 from hil.model.bench import InstrumentSpec, Wire
-from hil.model.errors import DeviceFault, NoReply, Rejected
+from hil.model.errors import DeviceFault, NoReply, Refused, Rejected
 from hil.model.identity import Identity
 from hil.simulation.faults import read_faults
 from hil.simulation.peers.faulty import FaultySerialPeer
@@ -111,6 +111,25 @@ def test_the_whole_role():
         assert b"SIMULATE".hex() in role.identify().lower()
         figure = role.analog(0)
         assert (figure.value, figure.unit) == (0.0, "V")
+
+
+def test_named_inputs_are_sampled_in_counts():
+    """Means of raw conversions, in the order of the inputs; reference and full scale as the board states them."""
+    with facing({"analog_noise": "0", "reference": "3.2968"}) as bench:
+        wire = Wire(role="obc", instance="", instrument="obc", settings={"a1": "monitor", "a4": "photodiode"})
+        role = bench.driver.role(wire)
+        assert [(channel.name, channel.unit) for channel in role.channels()] == [
+            ("monitor", "LSB"),
+            ("photodiode", "LSB"),
+        ]
+        assert role.sample() == (0.0, 0.0)
+        assert (role.full_scale().value, role.reference().value) == (4095.0, 3.297)
+        plain = bench.driver.role(Wire(role="obc", instance="", instrument="obc"))
+        with pytest.raises(Refused, match="no analogue input is named"):
+            plain.sample()
+        alike = Wire(role="obc", instance="", instrument="obc", settings={"a0": "same", "a1": "same"})
+        with pytest.raises(Refused, match="two inputs have one name"):
+            bench.driver.role(alike)
 
 
 def test_every_way_of_a_transfer():

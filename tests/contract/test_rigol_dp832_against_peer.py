@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 from contextlib import suppress
 
 import pytest
+import sweeps
 from facing import facing
 
 from hil.instruments.driver import Outlet
@@ -13,6 +15,8 @@ from hil.model.bench import Clamp, Wire
 from hil.model.errors import ClampExceeded, Garbled, NoReply, Refused, Rejected
 from hil.model.identity import Identity
 from hil.simulation.peers.rigol_dp832 import MODEL
+
+UNASKED = list(itertools.product(["OFF\n", "0.0000\n", "NO\n", "ON\n"], ["1 ms", "3 ms", "11 ms", "37 ms"]))
 
 EXACT = {"voltage_noise": "0", "current_noise": "0"}
 
@@ -158,8 +162,7 @@ def test_a_late_supply_never_answers_the_wrong_question():
         assert all(value == pytest.approx(true) for value, true in readings)
 
 
-@pytest.mark.parametrize("text", ["OFF\n", "0.0000\n", "NO\n", "ON\n"])
-@pytest.mark.parametrize("every", ["1 ms", "3 ms", "11 ms", "37 ms"])
+@pytest.mark.parametrize(("text", "every"), sweeps.sample(UNASKED, 6))
 def test_an_unasked_line_is_no_reading_however_often_it_comes(text, every):
     """A supply that chatters what a safe one would say: on is never read as off, nor 4 V as none."""
     with supply(faults=[{"kind": "chatty", "from": "2 s", "every": every, "text": text}]) as (driver, clock):

@@ -139,6 +139,19 @@ def test_a_garbled_bus_does_not_start(chip):
 
 
 @EVERY
+def test_a_bus_that_becomes_garbled_is_found_out(chip):
+    """Samples may look like any others; what the chip calls itself does not. BNO055 and AK09916 tell it sooner."""
+    bench = Bench(chip, truth=chip.truth | chip.noisy, faults=[{"kind": "garbled", "from": "2 s"}])
+    bench.sensor.start()
+    with pytest.raises((Garbled, NoReply, Rejected)) as caught:
+        while bench.clock.now() < 8.0:
+            bench.sensor.sample()
+            bench.clock.sleep(0.1)
+    assert caught.value.device == "sensor"
+    assert bench.clock.now() < 4.6
+
+
+@EVERY
 def test_a_start_while_settings_are_garbled_is_refused_or_right(chip):
     """Whenever the disturbance begins, a start that succeeds has set what it should."""
     started = 0

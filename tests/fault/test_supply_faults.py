@@ -5,6 +5,7 @@ from __future__ import annotations
 from contextlib import suppress
 
 import pytest
+import sweeps
 from facing import facing
 
 from hil.instruments.korad_ka3005p import KoradKa3005p
@@ -58,8 +59,9 @@ def facing_supply(name, faults):
     return facing(model, driver=driver, truth=truth, faults=faults, baud=baud)
 
 
-@pytest.mark.parametrize("moment", MOMENTS)
-@pytest.mark.parametrize(("supply", "name"), CASES)
+@pytest.mark.parametrize(
+    ("supply", "name", "moment"), sweeps.sample([(*case, moment) for case in CASES for moment in MOMENTS], 81)
+)
 def test_what_is_called_off_is_off(supply, name, moment):
     """Whatever goes wrong and when: disabled means that the current is gone, a reading is right or a fault."""
     faults = [{**fault, "from": f"{MOMENTS[moment]} s", "until": "40 s"} for fault in FAULTS[name]]

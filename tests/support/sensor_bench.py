@@ -8,6 +8,7 @@ import numpy as np
 from board_bus import BoardBus
 
 from hil.clock.virtual import VirtualClock
+from hil.instruments.bme680 import Bme680
 from hil.instruments.bmi088 import Bmi088
 from hil.instruments.bno055 import Bno055
 from hil.instruments.driver import Clamps, Connection
@@ -18,7 +19,7 @@ from hil.instruments.lsm9ds1 import Lsm9ds1
 from hil.instruments.sensors.sensor import SensorDriver
 from hil.model.bench import InstrumentSpec, Wire
 from hil.simulation.faults import read_faults
-from hil.simulation.peers import bmi088, bno055, icm20948, iim42652, lis3mdl, lsm9ds1
+from hil.simulation.peers import bme680, bmi088, bno055, icm20948, iim42652, lis3mdl, lsm9ds1
 from hil.simulation.peers.faulty import FaultyBusPeer, FaultySerialPeer
 from hil.simulation.peers.model import Connections, PeerModel, PeerSetup
 from hil.simulation.plants.plant import Plant
@@ -27,7 +28,7 @@ from hil.simulation.seeds import Seeds
 from hil.simulation.truth import Truth
 from hil.wire.simulated_bus import SimulatedBus
 
-__all__ = ["BOARD_CHIPS", "CHIPS", "FIFO_CHIPS", "IIM42652", "LIS3MDL", "Bench", "SensorChip"]
+__all__ = ["BME680", "BOARD_CHIPS", "CHIPS", "FIFO_CHIPS", "IIM42652", "LIS3MDL", "Bench", "SensorChip"]
 
 _SECOND = 1_000_000_000
 
@@ -278,6 +279,10 @@ LSM9DS1 = SensorChip(
     close=0.3,
     noisy={"white": ["1", "1", "1"]},
     sleep=(0x10, 0x00),
+    capacity=32,
+    fifo_off=(0x23, 0x00),
+    by_host=True,
+    stream=119.0,
 )
 
 LSM9DS1_ACCELEROMETER = replace(
@@ -291,6 +296,7 @@ LSM9DS1_ACCELEROMETER = replace(
     close=0.2,
     noisy=BMI088_ACCELEROMETER.noisy,
     sleep=(0x20, 0x00),
+    capacity=0,
 )
 
 LSM9DS1_MAGNETOMETER = replace(
@@ -307,7 +313,27 @@ LSM9DS1_MAGNETOMETER = replace(
     close=0.2,
     noisy={},
     sleep=(0x22, 0x03),
+    capacity=0,
 )
+
+BME680 = SensorChip(
+    driver=Bme680,
+    model=bme680.MODEL,
+    role="thermometer",
+    unit="degC",
+    named="BME680",
+    address=0x76,
+    strapped=0x77,
+    power_on=(0x74, b"\x00"),
+    ranges=(),
+    rates=(),
+    narrow=0.0,
+    truth={"temperature": "-12.5"},
+    expected=(-12.5,),
+    close=0.05,
+    sleep=(0x74, 0x00),
+)
+"""The only one that has no axes."""
 
 CHIPS = (
     IIM42652,

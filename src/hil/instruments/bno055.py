@@ -4,7 +4,7 @@ Registers, modes and their switching times: data sheet BST-BNO055-DS000-14; rate
 TEMP_SOURCE from memory of it. It has no FIFO and no flag for a new sample. Settings are taken in CONFIGMODE only, and
 without fusion nothing is compensated. The sensor holds the clock for long, and not every controller waits (that of the
 Raspberry Pi does not: raspberrypi/linux 254, 4884), so that a sample is read in one transfer together with the
-registers behind it: units and mode must be those that were set.
+registers after it: units and mode must be those that were set. On the bus of an OBC the board's timer does that.
 """
 
 from __future__ import annotations
@@ -19,10 +19,11 @@ from typing import Annotated, ClassVar
 from hil.clock.port import Clock
 from hil.instruments import settings
 from hil.instruments.sampled import Channel
-from hil.instruments.sensors.axes import Axes, Sampling, three_axes
+from hil.instruments.sensors.axes import Sampling, three_axes
 from hil.instruments.sensors.registers import Banks, Registers
 from hil.instruments.sensors.scale import Scale
 from hil.instruments.sensors.sensor import Chip, Sensor, SensorDriver
+from hil.instruments.sensors.timed import Outputs, TimedSensor
 from hil.model.bench import Wire
 from hil.model.errors import Garbled, NoReply
 from hil.model.notation import measured
@@ -104,7 +105,7 @@ def _chip(role: str) -> Chip:
     )
 
 
-class _Bno055(Axes):
+class _Bno055(TimedSensor):
     """One of its sensors. All that are wired are set when the first of them starts; another one only joins in."""
 
     def __init__(
@@ -161,8 +162,26 @@ class _Bno055(Axes):
 
     def _read_outputs(self) -> tuple[int, tuple[int, ...]]:
         """Read axes, temperature, and what must follow them, in one transfer."""
+        outputs = self._outputs()
+        data = self._registers.long(outputs.first, outputs.length)
+        self._judge(data)
+        at = outputs.temperature
+        return self._sampling.temperature_counts(data[at : at + 1]), struct.unpack("<hhh", data[:6])
+
+    def _outputs(self) -> Outputs:
         first = self.axes_at
-        data = self._registers.long(first, Register.OPR_MODE + 1 - first)
+        return Outputs(
+            first=first,
+            length=Register.OPR_MODE + 1 - first,
+            axes=0,
+            temperature=Register.TEMP - first,
+            steady=slice(Register.SYS_STATUS - first, Register.OPR_MODE + 1 - first),
+            judge=self._judge,
+        )
+
+    def _judge(self, data: bytes) -> None:
+        """Raise what is wrong with the sensor, by what follows axes and temperature."""
+        first = self.axes_at
         status, error, units, _, mode = data[Register.SYS_STATUS - first :]
         if (mode, units) == (_CONFIG, _UNITS_AFTER_RESET):
             raise NoReply(
@@ -176,8 +195,6 @@ class _Bno055(Axes):
             )
         if status == _SYSTEM_ERROR:
             raise NoReply(self._device, f"it reports the system error {error}", "switch it off and on")
-        at = Register.TEMP - first
-        return self._sampling.temperature_counts(data[at : at + 1]), struct.unpack("<hhh", data[:6])
 
     def _temperature_bytes(self) -> bytes:
         return self._read_outputs()[0].to_bytes(1, "little", signed=True)

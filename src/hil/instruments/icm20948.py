@@ -19,18 +19,15 @@ import numpy as np
 
 from hil.clock.port import Clock
 from hil.instruments import settings
-from hil.instruments.marks import reads
 from hil.instruments.sampled import Channel
-from hil.instruments.sensors.axes import Axes, Sampling, three_axes
+from hil.instruments.sensors.axes import Axes, Field, Sampling, three_axes
 from hil.instruments.sensors.fifo import Fifo, Packets
 from hil.instruments.sensors.recorder import FifoSensor
 from hil.instruments.sensors.registers import Banks, Registers
 from hil.instruments.sensors.scale import Scale
 from hil.instruments.sensors.sensor import Chip, Sensor, SensorDriver
-from hil.instruments.sensors.stillness import Stillness
 from hil.model.bench import Wire
 from hil.model.errors import NoReply
-from hil.model.figure import Figure
 from hil.model.notation import measured
 
 __all__ = ["Icm20948", "Icm20948Accelerometer", "Icm20948Gyroscope", "Icm20948Magnetometer"]
@@ -99,7 +96,8 @@ def _decoded(data: bytes) -> Packets:
     """Decode packets. They have no header: one whose temperature is far from the others' is none of them."""
     packets = np.frombuffer(data, _PACKET)
     warm = packets["temperature"].astype(np.int64)
-    usable = np.abs(warm - np.median(warm)) < _LSB_PER_KELVIN if len(warm) else np.ones(0, dtype=np.bool_)
+    middle = np.sort(warm)[len(warm) // 2] if len(warm) else 0
+    usable = np.abs(warm - middle) < _LSB_PER_KELVIN
     return Packets(packets["gyro"].astype(np.int16), usable)
 
 
@@ -260,7 +258,7 @@ class Icm20948Accelerometer(_FirstDie):
         super().__init__(registers, clock, wire, sampling, full_scale=full_scale, bandwidth=bandwidth)
 
 
-class Icm20948Magnetometer(Sensor):
+class Icm20948Magnetometer(Field):
     """Its magnetometer, an AK09916 with registers of its own; a sample is one that was not read yet.
 
     The temperature is that of the first die.
@@ -277,29 +275,13 @@ class Icm20948Magnetometer(Sensor):
         second=True,
         hidden=True,
     )
-    measures: ClassVar[tuple[Channel, ...]] = three_axes("uT")
 
     def __init__(self, registers: Registers, clock: Clock, wire: Wire) -> None:
-        super().__init__(registers, clock, wire)
         self._first_die = cast("Registers", registers.other)
-        self._rate = settings.read(wire, MagnetometerSettings).rate
-        self._axes = Scale(per_unit=1.0, factor=_MAG_LSB, rails=(-_MAG_MOST, _MAG_MOST))
-        self._stillness = Stillness(self._device, self._axes, _MAG_NOISE)
-
-    @reads
-    def bandwidth(self) -> Figure:
-        """Return half the rate in Hz: it has no filter, and each of its measurements has noise of its own."""
-        return Figure(value=self._rate / 2.0, unit="Hz")
-
-    @reads
-    def resolution(self) -> Figure:
-        """Return one count in uT."""
-        return Figure(value=_MAG_LSB, unit="uT")
-
-    @reads
-    def full_scale(self) -> Figure:
-        """Return the largest field in uT."""
-        return Figure(value=_MAG_LSB * _MAG_MOST, unit="uT")
+        rate = settings.read(wire, MagnetometerSettings).rate
+        axes = Scale(per_unit=1.0, factor=_MAG_LSB, rails=(-_MAG_MOST, _MAG_MOST))
+        full_scale = _MAG_LSB * _MAG_MOST
+        super().__init__(registers, clock, wire, rate=rate, axes=axes, full_scale=full_scale, noise=_MAG_NOISE)
 
     def _identify(self) -> None:
         """Open the way to the magnetometer, then ask for its name; the first die must be the right one, too."""
@@ -315,7 +297,7 @@ class Icm20948Magnetometer(Sensor):
         self._clock.sleep(_MAG_RESET_S)
         self._registers.set(mode)
         self._registers.expect(mode)
-        self._stillness = Stillness(self._device, self._axes, _MAG_NOISE)
+        self._judge_anew()
         self._await_sample()
 
     def _sleep(self) -> None:
@@ -334,18 +316,25 @@ class Icm20948Magnetometer(Sensor):
             self._first_die.expect({Register.PWR_MGMT_1: _ASLEEP})
 
     def _sample(self) -> tuple[float, ...]:
-        self._reached(self._await_sample)
-        # To ST2, which ends the reading: x, y, z, a dummy, ST2.
-        data = self._reached(lambda: self._registers.block(MagnetometerRegister.HXL, 8))
-        counts = struct.unpack("<hhh", data[:6])
+        data = self._reached(self._await_sample)
+        counts = struct.unpack("<hhh", data[1:7])
         self._stillness.judge(counts)
-        overflow = data[7] & _OVERFLOW
+        overflow = data[8] & _OVERFLOW
         axes = (math.nan if overflow else self._axes.number(axis) for axis in counts)
         celsius = int.from_bytes(self._first_die.block(Register.TEMP_OUT, 2), "big", signed=True)
         return (*axes, _CELSIUS.number(celsius))
 
-    def _await_sample(self) -> None:
-        self._await_new(lambda: bool(self._registers.read(MagnetometerRegister.ST1) & _READY), self._rate)
+    def _await_sample(self) -> bytes:
+        """Return a new sample, read in one transfer: ST1, x, y, z, a dummy, and ST2, which ends the reading."""
+        data = b""
+
+        def is_new() -> bool:
+            nonlocal data
+            data = self._registers.block(MagnetometerRegister.ST1, 9)
+            return bool(data[0] & _READY)
+
+        self._await_new(is_new, self._rate)
+        return data
 
     def _reached(self, transfer: Callable[[], _T]) -> _T:
         """Transfer with the magnetometer; where it does not acknowledge, say what of the first die keeps it away."""

@@ -86,8 +86,8 @@ _RESET_S = 0.002  # 1 ms
 _START_UP_S = 0.06
 _LONGEST_START_S = 0.5  # off for less than 150 ms, it needs up to that much longer
 
-CELSIUS = Scale(per_unit=132.48, zero=25.0, rails=(_INVALID, -_INVALID))
-"""The die's temperature."""
+CELSIUS = Scale(per_unit=132.48, zero=25.0, rails=(-8612, 10599))
+"""The die's temperature; beyond -40 and 105 degC it is no temperature of this chip."""
 
 _PACKET = np.dtype([("header", "u1"), ("gyro", ">i2", (3,)), ("temperature", "i1")])
 # Header, bit 7: the FIFO is empty; 6: accelerometer; 5: gyroscope; 4: 20 bits. The others tell of clocks.

@@ -1,11 +1,13 @@
 """ST LSM9DS1 on an I2C bus: gyroscope and accelerometer on one die, magnetometer on another, an address each.
 
 Registers, scales and ranges: the data sheet (DocID025715) as public drivers have it (Adafruit, SparkFun, ST). From
-memory: cut-off frequencies of the first low-pass filter, and how long a gyroscope takes to start; filters are taken for
-Butterworth filters of second order. The data sheet tells no noise: what is expected is that of an article.
+memory: cut-off frequencies of the first low-pass filter, how long a gyroscope takes to start, the FIFO; filters are
+taken for Butterworth filters of second order. The data sheet tells no noise: what is expected is that of an article.
 
 Traps that are avoided. The temperature is 25 degC + counts / 16 (one widely used driver has another line). The
 accelerometer's codes of ranges are not in their order. While the gyroscope runs, the accelerometer samples at its rate.
+With the gyroscope on, the FIFO's 32 levels hold both sensors, and a transfer through them goes from its axes to those
+of the accelerometer and back; beside other roles it is asked for its samples.
 The magnetometer starts in power-down, continues at the next register only where the address says so, and has no
 thermometer: that is on the other die, which measures only while something there is on.
 """
@@ -17,11 +19,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Annotated, ClassVar
 
+import numpy as np
+
 from hil.clock.port import Clock
 from hil.instruments import settings
 from hil.instruments.lis3mdl import Lis3mdlMagnetometer
 from hil.instruments.sampled import Channel
 from hil.instruments.sensors.axes import Axes, Sampling, three_axes
+from hil.instruments.sensors.fifo import Fifo, Packets
+from hil.instruments.sensors.recorder import FifoSensor
 from hil.instruments.sensors.registers import Registers
 from hil.instruments.sensors.scale import Scale
 from hil.instruments.sensors.sensor import Chip, Sensor, SensorDriver
@@ -32,11 +38,13 @@ from hil.model.notation import measured
 __all__ = ["Lsm9ds1", "Lsm9ds1Accelerometer", "Lsm9ds1Gyroscope", "Lsm9ds1Magnetometer"]
 
 _CTRL_REG1_G, _CTRL_REG2_G, _CTRL_REG3_G, _CTRL_REG4, _CTRL_REG5_XL, _CTRL_REG6_XL = 0x10, 0x11, 0x12, 0x1E, 0x1F, 0x20
-_CTRL_REG7_XL, _CTRL_REG8 = 0x21, 0x22
+_CTRL_REG7_XL, _CTRL_REG8, _CTRL_REG9, _FIFO_CTRL, _FIFO_SRC = 0x21, 0x22, 0x23, 0x2E, 0x2F
 _OUT_TEMP, _STATUS, _OUT_G, _OUT_XL = 0x15, 0x17, 0x18, 0x28
 _GYRO_NEW, _ACCEL_NEW, _TEMPERATURE_NEW = 0x02, 0x01, 0x04
 _RESET, _WHOLE_BLOCKS = 0x05, 0x44  # both with the increment of the address, which is on after power-on
 _ALL_AXES = 0x38
+_FIFO_ON, _BYPASS, _CONTINUOUS, _OVERRUN, _STORED = 0x02, 0x00, 0xC0, 0x40, 0x3F
+_LEVELS, _LEVEL_BYTES = 32, 12
 _RESET_S = 0.05
 _START_S = 0.08
 _LONGEST_START_S = 0.5
@@ -66,6 +74,31 @@ _INERTIAL = Chip(
     identity=(0x0F, 0x68),
     strap="SDO_A/G",
     addresses=(0x6A, 0x6B),
+)
+
+
+def _decoded(data: bytes) -> Packets:
+    """Return the gyroscope's axes, which stand before those of the accelerometer."""
+    counts = np.frombuffer(data, dtype="<i2").reshape(-1, _LEVEL_BYTES // 2)[:, :3].astype(np.int16)
+    return Packets(counts=counts, usable=np.ones(len(counts), dtype=np.bool_))
+
+
+_FIFO = Fifo(
+    size=_LEVELS * _LEVEL_BYTES,
+    packet=_LEVEL_BYTES,
+    count=_FIFO_SRC,
+    count_bytes=1,
+    count_mask=_STORED,
+    unit=_LEVEL_BYTES,
+    data=_OUT_G,
+    lost=_FIFO_SRC,
+    lost_flag=_OVERRUN,
+    temperature=_OUT_TEMP,
+    prepare=lambda _: {_CTRL_REG9: _FIFO_ON},
+    flush=(_FIFO_CTRL, _BYPASS),
+    fill=lambda _: {_FIFO_CTRL: _CONTINUOUS},
+    off={_FIFO_CTRL: _BYPASS, _CTRL_REG9: 0},
+    decode=_decoded,
 )
 
 
@@ -151,9 +184,11 @@ class _Inertial(Axes):
         return self._registers.read(_STATUS) & wanted == wanted
 
 
-class Lsm9ds1Gyroscope(_Inertial):
-    """The gyroscope."""
+class Lsm9ds1Gyroscope(_Inertial, FifoSensor):
+    """The gyroscope, which can stream."""
 
+    can_be_asked: ClassVar[bool] = True
+    fifo: ClassVar[Fifo] = _FIFO
     chip: ClassVar[Chip] = _INERTIAL
     measures: ClassVar[tuple[Channel, ...]] = three_axes("deg/s")
     control: ClassVar[int] = _CTRL_REG1_G

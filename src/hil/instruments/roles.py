@@ -211,8 +211,8 @@ class RotationTable(Protocol):
         ...
 
 
-class Obc(Protocol):
-    """A board that plays the on-board computer."""
+class Obc(Sampled, Protocol):
+    """A board that plays the on-board computer; its channels are the analogue inputs that the wiring names, in LSB."""
 
     @reads
     def identify(self) -> str:
@@ -222,6 +222,16 @@ class Obc(Protocol):
     @reads
     def analog(self, channel: int) -> Annotated[Figure, "V"]:
         """Return the voltage of one analogue input in V."""
+        ...
+
+    @reads
+    def full_scale(self) -> Annotated[Figure, "LSB"]:
+        """Return the largest raw number of the analogue inputs in LSB."""
+        ...
+
+    @reads
+    def reference(self) -> Annotated[Figure, "V"]:
+        """Return the voltage at full scale in V as the board measures it by itself; how well is not known."""
         ...
 
 

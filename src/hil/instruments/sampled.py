@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Captured",
     "Channel",
+    "Choosing",
     "Ending",
     "Frame",
     "Patient",
@@ -115,6 +116,18 @@ class Streamed(Sampled, Protocol):
     def longest_pause(self) -> float:
         """Seconds after which a buffer on the way overflows at the present rate, with a margin."""
         ...
+
+
+class Choosing(Protocol):
+    """What a role with the operations of `Streamed` can say beside: whether it can run by itself, or be asked.
+
+    Attributes:
+        streams: whether it can run by itself as it is wired.
+        can_be_asked: whether it can be asked for samples beside other roles instead.
+    """
+
+    streams: bool
+    can_be_asked: bool
 
 
 class Patient(Protocol):

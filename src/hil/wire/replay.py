@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -315,8 +316,7 @@ class ReplayedBus:
         """Compare what is written with the record, and fill the reads from it."""
         received = self._take("i2c_rdwr", message_bytes(i2c_msgs))
         for message in (message for message in i2c_msgs if message.flags & _READ_FLAG):
-            for index in range(message.len):
-                message.buf[index] = received[index : index + 1]
+            ctypes.memmove(message.buf, received, min(message.len, len(received)))
             received = received[message.len :]
 
     def _take(self, name: str, sent: bytes) -> bytes:

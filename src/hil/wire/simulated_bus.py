@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import errno
 import os
 from collections.abc import Sequence
@@ -101,8 +102,7 @@ class SimulatedBus:
             [(message.addr, message.len if message.flags & _READ_FLAG else bytes(message)) for message in i2c_msgs]
         )
         for message, reply in zip(reads, replies, strict=True):
-            for index, byte in enumerate(reply):
-                message.buf[index] = bytes([byte])
+            ctypes.memmove(message.buf, reply, len(reply))
 
     def _registers(self, address: int, register: int, count: int) -> bytes:
         return self.transfer([(address, bytes([register])), (address, count)])[0]

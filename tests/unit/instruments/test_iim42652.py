@@ -150,9 +150,13 @@ def test_nothing_streams_before_begin():
 
 
 def test_temperature():
-    """25 degC at zero, 132.48 counts per kelvin, NaN where it is marked invalid."""
+    """25 degC at zero, 132.48 counts per kelvin, NaN where it is marked invalid, or beyond -40 and 105 degC."""
     assert CELSIUS.number(0) == 25.0
-    assert CELSIUS.number(-13248) == pytest.approx(-75.0)
+    assert CELSIUS.number(-3312) == pytest.approx(0.0)
+    assert CELSIUS.number(-8611) == pytest.approx(-40.0, abs=0.01)
+    assert CELSIUS.number(10598) == pytest.approx(105.0, abs=0.01)
+    assert math.isnan(CELSIUS.number(-8612))
+    assert math.isnan(CELSIUS.number(10599))
     assert math.isnan(CELSIUS.number(-32768))
 
 

@@ -5,31 +5,81 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Sequence
-from typing import ClassVar
+from dataclasses import dataclass, fields
+from typing import Annotated, ClassVar
 
 from hil.instruments import settings
 from hil.instruments.driver import ANY_BYTE, Connection, Outlet
 from hil.instruments.marks import reads
 from hil.instruments.obc_link.bus import ObcBus
-from hil.instruments.obc_link.messages import Command, conversions
+from hil.instruments.obc_link.messages import Command, Conversions, conversions
 from hil.instruments.obc_link.session import ObcSession
 from hil.instruments.roles import Obc
+from hil.instruments.sampled import Channel
 from hil.model.bench import Wire
 from hil.model.errors import Garbled, Refused
 from hil.model.figure import Figure
 from hil.model.identity import Identity
+from hil.model.notation import AnyText, whole
 
-__all__ = ["ObcBoard", "ObcLink"]
+__all__ = ["ObcBoard", "ObcLink", "ObcWire"]
 
 _CONVERSIONS = 64
 _MILLIVOLTS = 1000.0
 
 
-class ObcBoard:
-    """The board itself; fills the role `obc`."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ObcWire:
+    """What a wire says of the analogue inputs: names of those that are recorded, and conversions per sample."""
 
-    def __init__(self, session: ObcSession) -> None:
+    a0: AnyText = ""
+    a1: AnyText = ""
+    a2: AnyText = ""
+    a3: AnyText = ""
+    a4: AnyText = ""
+    a5: AnyText = ""
+    conversions: Annotated[int, whole(2, 1024)] = 16
+
+
+class ObcBoard:
+    """The board itself; fills the role `obc`. A sample is the mean count of each input that the wire names.
+
+    Args:
+        session: the board's session.
+        wire: names of inputs.
+    """
+
+    def __init__(self, session: ObcSession, wire: ObcWire) -> None:
         self._session = session
+        self._conversions = wire.conversions
+        names = (getattr(wire, each.name) for each in fields(wire) if each.name != "conversions")
+        self._inputs = {number: name for number, name in enumerate(names) if name}
+
+    def channels(self) -> tuple[Channel, ...]:
+        """Return the inputs that the wire names."""
+        return tuple(Channel(name, "LSB") for name in self._inputs.values())
+
+    @reads
+    def sample(self) -> tuple[float, ...]:
+        """Return the mean of the raw conversions of each named input, one after the other.
+
+        Raises:
+            Refused: the wire names none.
+        """
+        if not self._inputs:
+            raise Refused(f"{self._session.device}: no analogue input is named", "name one, such as `a0: photodiode`")
+        found = [self._converted(channel, self._conversions) for channel in self._inputs]
+        return tuple([each.total / each.taken for each in found])
+
+    @reads
+    def full_scale(self) -> Figure:
+        """Return the largest raw number in LSB."""
+        return Figure(value=float(self._converted(0, 1).full_scale), unit="LSB", uncertainty=0.0)
+
+    @reads
+    def reference(self) -> Figure:
+        """Return the converter's reference in V as the board measures it by itself; how well is not known."""
+        return Figure(value=self._converted(0, 1).reference_mv / _MILLIVOLTS, unit="V")
 
     @reads
     def identify(self) -> str:
@@ -46,18 +96,7 @@ class ObcBoard:
         Raises:
             Refused: the board says that it has no such input; nothing was asked of it.
         """
-        channels = self._session.board().channels
-        if not 0 <= channel < channels:
-            has = f"its inputs are 0 to {channels - 1}" if channels else "it has none"
-            raise Refused(f"{self._session.device}: no analogue input has the number {channel}", has)
-        fields = self._session.request(Command.ADC, struct.pack("<BH", channel, _CONVERSIONS)).fields
-        found = self._session.read("ADC", conversions, fields)
-        if (found.channel, found.taken) != (channel, _CONVERSIONS) or not found.full_scale:
-            raise Garbled(
-                self._session.device,
-                f"asked for {_CONVERSIONS} conversions of channel {channel}, got {found.taken} of {found.channel}",
-                "compare the firmware with the protocol",
-            )
+        found = self._converted(channel, _CONVERSIONS)
         mean = found.total / found.taken
         variance = max(0.0, found.squares - found.total * mean) / (found.taken - 1)
         step = found.reference_mv / _MILLIVOLTS / found.full_scale
@@ -67,6 +106,21 @@ class ObcBoard:
             uncertainty=step * math.sqrt(variance / found.taken + 1.0 / 12.0),
             dof=found.taken - 1,
         )
+
+    def _converted(self, channel: int, count: int) -> Conversions:
+        channels = self._session.board().channels
+        if not 0 <= channel < channels:
+            has = f"its inputs are 0 to {channels - 1}" if channels else "it has none"
+            raise Refused(f"{self._session.device}: no analogue input has the number {channel}", has)
+        reply = self._session.request(Command.ADC, struct.pack("<BH", channel, count))
+        found = self._session.read("ADC", conversions, reply.fields)
+        if (found.channel, found.taken) != (channel, count) or not found.full_scale:
+            raise Garbled(
+                self._session.device,
+                f"asked for {count} conversions of channel {channel}, got {found.taken} of {found.channel}",
+                "compare the firmware with the protocol",
+            )
+        return found
 
 
 _SIMULATED = b"SIMULATE".hex()
@@ -110,5 +164,9 @@ class ObcLink:
             raise Refused(
                 f"wiring {wire.name}: an obc-link does not fill the role {wire.role}", "it fills the role obc"
             )
-        settings.read(wire, settings.NoSettings)
-        return ObcBoard(self._session)
+        asked = settings.read(wire, ObcWire)
+        board = ObcBoard(self._session, asked)
+        names = [channel.name for channel in board.channels()]
+        if len(set(names)) < len(names):
+            raise Refused(f"wiring {wire.name}: two inputs have one name", "give each a name of its own")
+        return board

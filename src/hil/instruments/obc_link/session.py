@@ -69,6 +69,10 @@ class Arrivals:
         self._inboxes[stream] = Inbox()
         return self._inboxes[stream]
 
+    def expects(self, stream: int) -> bool:
+        """Return whether frames of a stream are kept."""
+        return stream in self._inboxes
+
     def close_inbox(self, stream: int) -> None:
         """Keep no more frames of a stream."""
         self._inboxes.pop(stream, None)

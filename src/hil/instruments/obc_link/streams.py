@@ -117,6 +117,10 @@ def begin_stream(
     """Start stream 0 of the board; one that an earlier session left running is stopped first."""
     if (period_s is None) == (line is None):
         raise Refused(f"{session.device}: a stream has a period or a line", "give one of the two")
+    if session.arrivals.expects(_STREAM):
+        raise Refused(
+            f"{session.device}: the board runs one stream at a time, and one runs", "record its sensors in turn"
+        )
     period_us = None if period_s is None else round(period_s * _MICROSECONDS)
     try:
         payload = program(_STREAM, bus, transfers, period_us, line)

@@ -18,7 +18,7 @@ from hil.model.bench import Wire
 from hil.model.errors import NoReply
 from hil.model.figure import Figure
 
-__all__ = ["Axes", "Sampling", "three_axes"]
+__all__ = ["Axes", "Field", "Sampling", "three_axes"]
 
 
 def three_axes(unit: str) -> tuple[Channel, ...]:
@@ -158,10 +158,14 @@ class Axes(Sensor):
         self._judge_anew()
         self._wait_for(valid, longest, self._sampling.period, (f"no valid data {since}", "check the sensor's power"))
 
+    @property
+    def _patience(self) -> float:
+        """Over how many samples the noise is one and the same."""
+        return max(1.0, self._sampling.rate / (2.0 * self._bandwidth))
+
     def _judge_anew(self) -> None:
         """Forget the samples from before a start."""
-        patience = max(1.0, self._sampling.rate / (2.0 * self._bandwidth))
-        self._stillness = Stillness(self._device, self._sampling.axes, self._sampling.noise, patience)
+        self._stillness = Stillness(self._device, self._sampling.axes, self._sampling.noise, self._patience)
         self._judged = 0.0
 
     def _read_outputs(self) -> tuple[int, tuple[int, ...]]:
@@ -179,3 +183,53 @@ class Axes(Sensor):
         """Return the two bytes of the temperature."""
         die = self._registers.other if self.temperature_on_other else None
         return (die or self._registers).block(self.temperature_at, 2)
+
+
+class Field(Sensor):
+    """A magnetometer without a filter; its chip's class says how a sample is read.
+
+    Args:
+        registers: of the chip.
+        clock: the bench's clock.
+        wire: whose settings it has.
+        rate: of its measurements [Hz].
+        axes: how counts become uT.
+        full_scale: the largest field of the range [uT].
+        noise: standard deviation in counts that a typical article shows, see `Stillness`.
+    """
+
+    measures: ClassVar[tuple[Channel, ...]] = three_axes("uT")
+
+    def __init__(
+        self,
+        registers: Registers,
+        clock: Clock,
+        wire: Wire,
+        *,
+        rate: float,
+        axes: Scale,
+        full_scale: float,
+        noise: float = math.inf,
+    ) -> None:
+        super().__init__(registers, clock, wire)
+        self._rate, self._axes, self._full_scale, self._noise = rate, axes, full_scale, noise
+        self._judge_anew()
+
+    @reads
+    def bandwidth(self) -> Figure:
+        """Return half the rate in Hz: each of its measurements has noise of its own."""
+        return Figure(value=self._rate / 2.0, unit="Hz")
+
+    @reads
+    def resolution(self) -> Figure:
+        """Return one count of the chosen range in uT."""
+        return Figure(value=self._axes.resolution, unit="uT")
+
+    @reads
+    def full_scale(self) -> Figure:
+        """Return the largest field of the chosen range in uT."""
+        return Figure(value=self._full_scale, unit="uT")
+
+    def _judge_anew(self) -> None:
+        """Forget the samples from before a start."""
+        self._stillness = Stillness(self._device, self._axes, self._noise)

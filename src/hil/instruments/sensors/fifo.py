@@ -21,6 +21,7 @@ __all__ = ["Block", "BlockSource", "Fifo", "Packets", "source_of"]
 _HOST_BUFFER_BYTES = 4096
 _LONGEST_PAUSE_S = 1.0
 _MARGIN = 0.5
+_LARGEST_COUNT = 1.25  # of what a FIFO holds
 # A frame of the OBC link holds 2048 bytes; its head and the other transfers take less than 48.
 _MOST_BYTES = 2000
 _FRAME_OVERHEAD_BYTES = 64
@@ -299,6 +300,7 @@ class _PolledSource:
         self._behind = 0  # packets of the last block that came after its instant
         self._lost_counter = 0
         self._number = 0
+        self._was_full = False
         self.longest_pause = min(_LONGEST_PAUSE_S, _MARGIN * fifo.capacity * self._period)
 
     def begin(self) -> None:
@@ -313,14 +315,21 @@ class _PolledSource:
 
         Raises:
             NoReply: of the sensor, where it does not acknowledge.
+            Garbled: it counts what it cannot hold.
         """
         registers, fifo = self._registers, self._fifo
         count = fifo.at_hand(registers)
         counted = self._clock.now() - self._began
         if not count:
             return
+        if count > _LARGEST_COUNT * fifo.capacity:
+            raise Garbled(
+                registers.device,
+                f"its FIFO of {fifo.capacity} packets tells of {count}",
+                "check its power and its wires, and what else is at its address",
+            )
         # What a full FIFO drops while it is read came before these packets, and as many newer ones take its place.
-        full = fifo.lost_flag or count >= fifo.capacity - 1
+        full, self._was_full = self._was_full or count >= fifo.capacity - 1, count >= fifo.capacity - 1
         lost = self._lost(count, counted) if full else self._lost_counter
         came = count + max(0, lost - self._lost_counter)
         packets = registers.long(fifo.data, count * fifo.packet)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
+from abc import abstractmethod
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,10 +23,11 @@ from hil.instruments.sensors.stillness import Stillness
 from hil.instruments.sensors.timeline import Span, Timeline
 from hil.model.errors import DeviceFault, Garbled, NoReply, Refused
 
-__all__ = ["FifoSensor", "Recorder"]
+__all__ = ["FifoSensor", "Recorder", "Stream", "StreamingSensor"]
 
 _SILENT_FRAMES = 3
 _MARGIN_S = 0.1
+_FASTER = 1.5  # than it should be; no oscillator is
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,27 +46,28 @@ class Recorder:
         fifo: of its chip.
         sampling: how it samples.
         clock: the bench's clock.
+        named: raises where the sensor has forgotten its name; asked by a host that reads the FIFO itself.
     """
 
-    def __init__(self, registers: Registers, fifo: Fifo, sampling: Sampling, clock: Clock) -> None:
+    def __init__(
+        self, registers: Registers, fifo: Fifo, sampling: Sampling, clock: Clock, named: Callable[[], None]
+    ) -> None:
         self._registers = registers
         self._fifo = fifo
         self._sampling = sampling
         self._clock = clock
+        self._named = named
         self._watermark = fifo.watermark(sampling.rate)
         self._source = source_of(registers, fifo, clock, rate=sampling.rate, line=sampling.line)
+        self.longest_pause = self._source.longest_pause
         self._timeline = Timeline(sampling.period, self._source.begun_s)
         self._stillness = Stillness(registers.device, sampling.axes, sampling.noise)
         self._waiting: deque[_Readings] = deque()
         self._fault: DeviceFault | None = None
         self._heard = 0.0
         self._lost_counter = 0
+        self._at = -math.inf if self._source.begun_s is None else self._source.begun_s  # of the last block
         self._lost_samples = 0
-
-    @property
-    def longest_pause(self) -> float:
-        """Seconds after which a buffer on the way overflows, with a margin."""
-        return self._source.longest_pause
 
     def begin(self) -> None:
         """Empty the FIFO and let it fill.
@@ -94,6 +98,10 @@ class Recorder:
             for block in self._source.blocks():
                 rows.extend(self._rows(block))
             self._must_go_on()
+            if (
+                self._source.begun_s is not None
+            ):  # a board's frames have check sums, and packets that it reads have heads
+                self._named()
         except DeviceFault as fault:
             if not rows:
                 raise
@@ -119,7 +127,7 @@ class Recorder:
     def _rows(self, block: Block) -> Iterator[NDArray[np.float64]]:
         packets = self._fifo.decode(block.packets)
         count = len(packets.usable)
-        lost = self._count_lost(block.lost_counter)
+        lost = self._count_lost(block)
         self._require_usable(packets, block.number)
         self._stillness.judge_many(packets.counts)
         if count:
@@ -134,10 +142,22 @@ class Recorder:
         temperature = np.full(len(times), readings.temperature)
         return np.column_stack((times, axes, temperature))[readings.packets.usable]
 
-    def _count_lost(self, counter: int) -> int:
-        """Return how many packets were lost since the last block; a counter that went back started again."""
-        lost = counter - self._lost_counter if counter >= self._lost_counter else counter
-        self._lost_counter = counter
+    def _count_lost(self, block: Block) -> int:
+        """Return how many packets were lost since the last block; a counter that went back started again.
+
+        Raises:
+            Garbled: more than can have come in that time, so that the counter is none of the sensor's.
+        """
+        before, counter = self._lost_counter, block.lost_counter
+        lost = counter - before if counter >= before else counter
+        possible = self._fifo.capacity + _FASTER * (block.at_s - self._at) / self._sampling.period
+        if lost > possible:
+            raise Garbled(
+                self._registers.device,
+                f"it says in block {block.number} that it lost {lost} samples, and {possible:.0f} can have come",
+                "check the sensor's wires and its power",
+            )
+        self._lost_counter, self._at = counter, block.at_s
         self._lost_samples += lost
         return lost
 
@@ -165,14 +185,28 @@ class Recorder:
         raise self._source.silent(what)
 
 
-class FifoSensor(Axes):
-    """A sensor that can also sample into its FIFO, see `hil.instruments.sampled.Streamed`.
+class Stream(Protocol):
+    """What a sensor that samples by itself gives block by block."""
 
-    Its chip's class names `fifo` beside what `Axes` asks for.
-    """
+    longest_pause: float
 
-    fifo: ClassVar[Fifo]
-    _recorder: Recorder | None = None
+    def begin(self) -> None:
+        """Let samples come."""
+        ...
+
+    def drain(self) -> NDArray[np.float64]:
+        """Return what has come, shape (n, 2 + axes): time in s, axes, temperature in degC."""
+        ...
+
+    def end(self) -> StreamReport:
+        """Let no more come, and return how it went."""
+        ...
+
+
+class StreamingSensor(Axes):
+    """A sensor whose samples can also come in blocks, see `hil.instruments.sampled.Streamed`."""
+
+    _stream: Stream | None = None
 
     @drives
     def start(self) -> None:
@@ -187,30 +221,25 @@ class FifoSensor(Axes):
         super().stop()
 
     def begin(self, rate: float) -> None:
-        """Let the sensor sample into its FIFO; device time counts from when that begins to fill.
+        """Let samples come at a rate [Hz]; device time counts from when they begin.
 
         Over an OBC this is up to one period of samples later than the call. See `hil.instruments.sampled.Streamed`.
 
         Raises:
-            Refused: not started, streaming already, or another rate than the wiring's.
+            Refused: not started, streaming already, or not at that rate.
             Rejected: a setting reads back otherwise, or the OBC cannot run the stream.
         """
         self._require_running()
-        if self._recorder:
+        if self._stream:
             raise Refused(f"{self._device} is already streaming", "end the stream first")
-        if rate != self._sampling.rate:
-            raise Refused(
-                f"{self._device} runs at {self._sampling.rate:g} Hz, not at {rate:g} Hz",
-                "record at that rate, or set `rate` in the wiring",
-            )
-        recorder = Recorder(self._registers, self.fifo, self._sampling, self._clock)
-        recorder.begin()
-        self._recorder = recorder
+        stream = self._stream_at(rate)
+        stream.begin()
+        self._stream, self._named = stream, self._clock.now()
 
     def drain(self) -> NDArray[np.float64]:
         """Return the samples since the last call, shape (n, 2 + axes): device time in s, axes, temperature in degC.
 
-        The temperature is read once a block. A sample that was lost leaves its place in time empty.
+        A sample that was lost leaves its place in time empty.
 
         Raises:
             NoReply: of the sensor: no acknowledge, no samples for three blocks' time, or it stands still.
@@ -221,24 +250,45 @@ class FifoSensor(Axes):
 
     def end(self) -> StreamReport:
         """Stop the stream, and return how it went."""
-        recorder = self._streaming()
-        self._recorder = None
-        return recorder.end()
+        stream = self._streaming()
+        self._stream = None
+        return stream.end()
 
     @property
     def longest_pause(self) -> float:
-        """Seconds after which FIFO or host buffer overflow, with a margin; 0 while nothing streams."""
-        return self._recorder.longest_pause if self._recorder else 0.0
+        """Seconds after which a buffer on the way overflows, with a margin; 0 while nothing streams."""
+        return self._stream.longest_pause if self._stream else 0.0
+
+    @abstractmethod
+    def _stream_at(self, rate: float) -> Stream:
+        """Return a stream at a rate [Hz], not yet begun; Refused for one that the sensor cannot have."""
 
     def _abandon(self) -> None:
         """End a stream, as far as it can be ended."""
         self._running = False
-        recorder, self._recorder = self._recorder, None
-        if recorder:
+        stream, self._stream = self._stream, None
+        if stream:
             with suppress(DeviceFault):
-                recorder.end()
+                stream.end()
 
-    def _streaming(self) -> Recorder:
-        if self._recorder is None:
+    def _streaming(self) -> Stream:
+        if self._stream is None:
             raise Refused(f"{self._device} does not stream", "call begin() first")
-        return self._recorder
+        return self._stream
+
+
+class FifoSensor(StreamingSensor):
+    """A sensor that can also sample into its FIFO; the temperature is read once a block.
+
+    Its chip's class names `fifo` beside what `Axes` asks for.
+    """
+
+    fifo: ClassVar[Fifo]
+
+    def _stream_at(self, rate: float) -> Stream:
+        if rate != self._sampling.rate:
+            raise Refused(
+                f"{self._device} runs at {self._sampling.rate:g} Hz, not at {rate:g} Hz",
+                "record at that rate, or set `rate` in the wiring",
+            )
+        return Recorder(self._registers, self.fifo, self._sampling, self._clock, self._require_same_name)

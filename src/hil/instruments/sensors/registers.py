@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Literal, TypeVar, cast
+from typing import Literal, TypeVar
 
 from hil.model.errors import Garbled, NoReply, Rejected
 from hil.wire.port import I2cBus
@@ -101,8 +101,7 @@ class Registers:
         number = self._selected(register) | self._increment
         ask, take = i2c_msg.write(self.address, [number]), i2c_msg.read(self.address, count)
         self._heard(lambda: self.bus.i2c_rdwr(ask, take))
-        # smbus2 knows its messages as iterable at run time only.
-        return self._whole(cast("list[int]", list(take)), count)
+        return self._whole(bytes(take), count)
 
     def set(self, values: Mapping[int, int]) -> None:
         """Write registers in their order."""
@@ -156,7 +155,7 @@ class Registers:
             self._bank = bank
         return number
 
-    def _whole(self, data: list[int], count: int) -> bytes:
+    def _whole(self, data: Sequence[int], count: int) -> bytes:
         if len(data) != count:
             raise Garbled(self.device, f"{count} bytes were asked for and {len(data)} came", "check the I2C adapter")
         return bytes(data)

@@ -14,7 +14,7 @@ from hil.instruments.marks import drives, reads
 from hil.instruments.sampled import Channel
 from hil.instruments.sensors.registers import Banks, Registers
 from hil.model.bench import Wire
-from hil.model.errors import NoReply, Refused, WrongIdentity
+from hil.model.errors import Garbled, NoReply, Refused, WrongIdentity
 from hil.model.figure import Figure
 from hil.model.identity import Identity
 
@@ -22,6 +22,7 @@ __all__ = ["Chip", "DieThermometer", "Sensor", "SensorDriver"]
 
 _MARGIN_S = 0.1
 _POLLS_PER_SAMPLE = 8
+_NAMED_S = 2.0  # between the questions for its name that tell a bus which changes bits: no check sum does
 _RESTART = "check the sensor's power; after a power cut it has to be started again"
 
 
@@ -40,6 +41,7 @@ class Chip:
         addresses: those that can be strapped, the usual one first; none where that is not known.
         second: whether its registers are at the instrument's second address, as those of a second die are.
         hidden: whether nobody answers there until the first die has been set up.
+        renamed: whether it is asked for its name between samples, too.
         increment, width, order, banks: see `Registers`.
     """
 
@@ -53,6 +55,7 @@ class Chip:
     addresses: tuple[int, ...] = ()
     second: bool = False
     hidden: bool = False
+    renamed: bool = True
     increment: int = 0
     width: int = 1
     order: Literal["big", "little"] = "big"
@@ -103,6 +106,7 @@ class Sensor(ABC):
         self._device = registers.device
         self._clock = clock
         self._running = False
+        self._sampled = self._pause = self._named = 0.0
         self.beside: Mapping[str, Sensor] = {}
 
     @drives
@@ -138,7 +142,15 @@ class Sensor(ABC):
             Garbled: what was read cannot be.
         """
         self._require_running()
-        return self._sample()
+        began = self._clock.now()
+        sample = self._sample()
+        pause, before, self._sampled = began - self._sampled, self._pause, began
+        self._pause = pause
+        if pause > 2.0 * before:  # the first of a row, which is not to come later than the others
+            self._named = began
+        else:
+            self._require_same_name()
+        return sample
 
     @reads
     def temperature(self) -> Figure:
@@ -178,6 +190,19 @@ class Sensor(ABC):
 
     def _identify(self) -> None:
         self._require_name(self._registers, self.chip)
+
+    def _require_same_name(self) -> None:
+        """Every two seconds, refuse a bus that changes bits: samples may be numbers like any others, a name is not."""
+        if not self.chip.renamed or self._clock.now() - self._named < _NAMED_S:
+            return
+        name, known = self.chip.name_of(self._registers), self.chip.identity[1]
+        if name != known:
+            raise Garbled(
+                self._device,
+                f"{self.chip.identity_name} reads {name:#04x} beside samples, the {self.chip.model} has {known:#04x}",
+                "check its wires and its power, and record again: samples from before may be wrong as well",
+            )
+        self._named = self._clock.now()
 
     def _require_name(self, registers: Registers, chip: Chip) -> None:
         """Refuse a die that calls itself something else; one that was left in another bank is asked again."""

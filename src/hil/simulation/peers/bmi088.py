@@ -108,7 +108,7 @@ class Accelerometer(SampledPeer):
         asleep = [_NO_TEMPERATURE, 0, 0, 0]
         self._sampler = Sampler(bits=_BITS, asleep=asleep, make=self._samples, faults=fitted.faults)
         self._start_ns, self._asked = 0, []
-        self._readers = {0x03: self._status, **number_at(_TEMP, lambda: self._sampler.newest[0], big=lambda: True)}
+        self._readers = {0x03: self._status, **number_at(_TEMP, self._temperature, big=lambda: True)}
         for axis in range(3):
             self._readers |= number_at(_ACC_X + 2 * axis, partial(self._axis, axis))
 
@@ -143,13 +143,21 @@ class Accelerometer(SampledPeer):
 
     def _samples(self, first: int, ends_ns: NDArray[np.int64]) -> Samples:
         degrees = self._die.many(ends_ns)
-        felt_ns = self._start_ns + (ends_ns - self._start_ns) // _TEMPERATURE_NS * _TEMPERATURE_NS
-        eighths = np.rint(self._die.counts(self._die.many(felt_ns), 8.0) + _EIGHTHS_AT_25)
         outputs = np.empty((ends_ns.size, 4), dtype=np.int16)
-        outputs[:, 0] = limited(self._as_raw(eighths * 32, ends_ns), _LEAST, _MOST)
+        outputs[:, 0] = self._temperatures(ends_ns)
         per_unit = 32768 / (3 << (self._asked[1] & 3)) / _GRAVITY
         outputs[:, 1:] = limited(self._element.measured(first, ends_ns, degrees) * per_unit, _LEAST, _MOST).T
         return Samples(ends_ns, outputs, np.zeros(ends_ns.size, dtype=np.int8))
+
+    def _temperatures(self, ends_ns: NDArray[np.int64]) -> NDArray[np.float64]:
+        felt_ns = self._start_ns + (ends_ns - self._start_ns) // _TEMPERATURE_NS * _TEMPERATURE_NS
+        eighths = np.rint(self._die.counts(self._die.many(felt_ns), 8.0) + _EIGHTHS_AT_25)
+        return limited(self._as_raw(eighths * 32, ends_ns), _LEAST, _MOST)
+
+    def _temperature(self) -> int:
+        """Return the temperature; alone it does not have the axes made, which the gyroscope's die leaves unread."""
+        alone = self._temperature_alone(self._temperatures)
+        return self._sampler.newest[0] if alone is None else alone
 
     def _axis(self, axis: int) -> int:
         self._sampler.status = 0

@@ -17,12 +17,14 @@ modes only switch sensors on), calibration, axis remapping, interrupts, low powe
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from math import pi, sqrt
 from typing import Annotated, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hil.analysis.noise.numbers import RandomStream
 from hil.clock.port import NANOSECONDS
@@ -38,7 +40,15 @@ from hil.simulation.peers.sensors.chip import (
     TemperatureRaw,
     number_at,
 )
-from hil.simulation.peers.sensors.elements import AXES, AccelerationTruth, AxesElement, Die, FieldElement, RateTruth
+from hil.simulation.peers.sensors.elements import (
+    AXES,
+    AccelerationTruth,
+    AxesElement,
+    Die,
+    FieldElement,
+    RateTruth,
+    limited,
+)
 from hil.simulation.peers.sensors.grid import Grid
 from hil.simulation.peers.timing import Alarms
 from hil.wire.checkpoint import Kept
@@ -63,6 +73,7 @@ _GYRO_RANGES, _ACCEL_RANGES = (2000.0, 1000.0, 500.0, 250.0, 125.0), (2.0, 4.0, 
 _MAG_RATES = (2.0, 6.0, 8.0, 10.0, 15.0, 20.0, 25.0, 30.0)
 _MAG_RANGES = (1300.0, 1300.0, 2500.0)
 _GRAVITY, _MOST = 9.80665, 32767
+_DATA = {"a": _ACC_DATA, "m": _MAG_DATA, "g": _GYR_DATA}
 _BITS = 8
 
 
@@ -123,6 +134,7 @@ class Bno055(SensorPeer):
         super().__init__(fitted)
         self._elements, self._field, self._die = {"a": accelerometer, "g": gyroscope}, field, die
         self._coming, self._coming_ns = None, 0
+        self._plain: tuple[int, int, bytes, int] | None = None
         self._enter(0, 0)
         self._readers = {
             _PAGE: lambda: self._registers.bank,
@@ -131,7 +143,7 @@ class Bno055(SensorPeer):
             _SYS_STATUS: self._status,
             _TEMP: self._temperature,
         }
-        for name, first in (("a", _ACC_DATA), ("m", _MAG_DATA), ("g", _GYR_DATA)):
+        for name, first in _DATA.items():
             for axis in range(len(AXES)):
                 self._readers |= number_at(first + 2 * axis, partial(self._count, name, axis))
 
@@ -147,6 +159,7 @@ class Bno055(SensorPeer):
             self._reset(0)
 
     def _store(self, register: int, value: int) -> None:
+        self._plain = None
         if register == _PAGE:
             self._registers[register] = value & 1
         elif register == _SYS_TRIGGER and value & _RESET:
@@ -170,18 +183,73 @@ class Bno055(SensorPeer):
         if self._registers[_PWR_MODE] & 3 == _SUSPEND:
             return
         for name in _SENSORS[self._mode]:
-            rate = _MAG_RATES[self._registers[_MAG_CONFIG] & 7] if name == "m" else _RATE
-            grid = Grid(self._start_ns, NANOSECONDS / rate)
+            grid = self._grid(name)
             ended = grid.count(now_ns)
             at_ns = grid.end_ns(ended)
             stuck = self._taken[name] and self._faults.now(Stuck, at_ns)
             if ended > self._taken[name]:
-                self._counts[name] = self._counts[name] if stuck else self._measured(name, ended, at_ns)
+                self._counts[name] = (
+                    self._counts[name] if stuck else self._counts_of(name, ended, np.array([at_ns]))[0].tolist()
+                )
                 self._taken[name] = ended
+
+    def remembers(self, register: int, length: int) -> bool:
+        """Return whether `remembered` can tell these registers, until somebody writes to it."""
+        measured = self._measured_in(register, length)
+        known = register < self.sheet.size and not self._registers.bank and not self._faults.faults
+        if not known or self._ready_ns is None or self._coming is not None or measured is None:
+            return False
+        if self._registers[_PWR_MODE] & 3 == _SUSPEND:
+            return False
+        now_ns = self._clock.now_ns()
+        return now_ns >= self._ready_ns and all(self._grid(name).count(now_ns) for name in measured)
+
+    def remembered(self, register: int, length: int, times_ns: Sequence[int]) -> list[bytes]:
+        """Return the bytes of registers in a row as they would have been read at rising instants of the last seconds.
+
+        Nobody has written in the meantime, and nothing was wrong.
+        """
+        plain, self._pointer = self._plain_registers(register, length)
+        rows = np.tile(np.frombuffer(plain, dtype=np.uint8), (len(times_ns), 1))
+        for name in self._measured_in(register, length) or "":
+            grid = self._grid(name)
+            ended = np.array([grid.count(each) for each in times_ns])
+            first = int(ended[0])
+            counts = self._counts_of(name, first, grid.ends_ns(first, int(ended[-1]) - first + 1))[ended - first]
+            self._taken[name], self._counts[name] = int(ended[-1]), counts[-1].tolist()
+            at = _DATA[name] - register
+            rows[:, at : at + 6] = counts.astype("<i2").view(np.uint8)
+        if register <= _TEMP < register + length:
+            degrees = self._die.counts(self._die.many(np.array(times_ns)), 1.0) + 25.0
+            rows[:, _TEMP - register] = self._thermal(degrees).astype(np.int8).view(np.uint8)
+        return [row.tobytes() for row in rows]
+
+    def _plain_registers(self, register: int, length: int) -> tuple[bytes, int]:
+        """Return registers of the first page as they are now, 0 for what is measured; and where the pointer ends."""
+        known = self._plain
+        if known is None or known[:2] != (register, length):
+            data = bytearray()
+            self._pointer = register
+            for _ in range(length):
+                at = self._register()
+                data.append(0 if at == _TEMP or _ACC_DATA <= at < _GYR_DATA + 6 else self._load(at))
+                self._step()
+            self._plain = known = (register, length, bytes(data), self._pointer)
+        return known[2:]
+
+    def _measured_in(self, register: int, length: int) -> str | None:
+        """Return the sensors whose data are all among some registers; None where a part of one's data is."""
+        whole = [name for name, at in _DATA.items() if register <= at and at + 6 <= register + length]
+        part = [name for name, at in _DATA.items() if register < at + 6 and at < register + length]
+        return "".join(name for name in whole if name in _SENSORS[self._mode]) if whole == part else None
+
+    def _grid(self, name: str) -> Grid:
+        rate = _MAG_RATES[self._registers[_MAG_CONFIG] & 7] if name == "m" else _RATE
+        return Grid(self._start_ns, NANOSECONDS / rate)
 
     def _enter(self, mode: int, at_ns: int) -> None:
         """Count samples afresh, in this mode."""
-        self._mode, self._start_ns = mode, at_ns
+        self._mode, self._start_ns, self._plain = mode, at_ns, None
         self._taken = dict.fromkeys("amg", 0)
         self._counts = {name: [0] * len(AXES) for name in "amg"}
         for name, element in self._elements.items():
@@ -193,15 +261,19 @@ class Bno055(SensorPeer):
             else:
                 element.stop()
 
-    def _measured(self, name: str, ended: int, at_ns: int) -> list[int]:
-        """Return the three counts of one sensor's sample."""
+    def _counts_of(self, name: str, first: int, ends_ns: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return the three counts of samples of one sensor from number `first` on, shape (n, 3)."""
         units = self._registers[_UNIT_SEL]
         if name == "m":
             ranges, scale, start_ns = _MAG_RANGES, 16.0, self._start_ns
-            seen = [self._field.measured(axis, ended, at_ns, start_ns=start_ns, louder=1.0) for axis in range(3)]
+            seen = np.array(
+                [
+                    [self._field.measured(axis, number, at_ns, start_ns=start_ns, louder=1.0) for axis in range(3)]
+                    for number, at_ns in enumerate(ends_ns.tolist(), first)
+                ]
+            )
         else:
-            ends_ns = np.array([at_ns])
-            seen = self._elements[name].measured(ended, ends_ns, self._die.many(ends_ns))[:, 0].tolist()
+            seen = self._elements[name].measured(first, ends_ns, self._die.many(ends_ns)).T
             if name == "a":
                 most = _ACCEL_RANGES[self._registers[_ACC_CONFIG] & 3] * _GRAVITY
                 scale = 1000.0 / _GRAVITY if units & _MG else 100.0
@@ -209,8 +281,8 @@ class Bno055(SensorPeer):
                 most = _GYRO_RANGES[min(self._registers[_GYR_CONFIG] & 7, len(_GYRO_RANGES) - 1)]
                 scale = 900.0 * pi / 180 if units & _RADIANS else 16.0
             ranges = (most, most, most)
-        limits = [min(_MOST, round(most * scale)) for most in ranges]
-        return [max(-limit, min(limit, round(each * scale))) for each, limit in zip(seen, limits, strict=True)]
+        limits = np.array([min(_MOST, round(most * scale)) for most in ranges])
+        return np.clip(np.rint(seen * scale), -limits, limits).astype(np.int64)
 
     def _count(self, name: str, axis: int) -> int:
         return self._counts[name][axis]
@@ -218,10 +290,12 @@ class Bno055(SensorPeer):
     def _temperature(self) -> int:
         now_ns = self._clock.now_ns()
         raw = self._faults.now(TemperatureRaw, now_ns)
-        degrees = self._die.counts_at(now_ns, 1.0) + 25.0
-        if self._registers[_UNIT_SEL] & _FAHRENHEIT:
-            degrees = (degrees * 1.8 + 32) / 2
-        return max(-128, min(127, raw.counts if raw else round(degrees))) & 0xFF
+        degrees = np.array([self._die.counts_at(now_ns, 1.0) + 25.0])
+        return max(-128, min(127, raw.counts if raw else int(self._thermal(degrees)[0]))) & 0xFF
+
+    def _thermal(self, degrees: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the counts of temperatures in degC."""
+        return limited((degrees * 1.8 + 32) / 2 if self._registers[_UNIT_SEL] & _FAHRENHEIT else degrees, -128, 127)
 
     def _status(self) -> int:
         if not self._mode:

@@ -129,6 +129,16 @@ class FaultyBusPeer(Stateful):
         if listen is not None:
             listen(lambda: None if _cut(self._faults, self._clock.now_ns()) else callback())
 
+    def remembers(self, register: int, length: int) -> bool:
+        """Return whether the peer can tell what its registers held before now, which one with faults cannot."""
+        able = getattr(self._peer, "remembers", None)
+        return not self._faults.faults and able is not None and bool(able(register, length))
+
+    def remembered(self, register: int, length: int, times_ns: Sequence[int]) -> list[bytes]:
+        """Return what the peer's registers held at rising instants, if it `remembers` them."""
+        found: list[bytes] = getattr(self._peer, "remembered")(register, length, times_ns)  # noqa: B009
+        return found
+
     def _write(self, address: int, data: bytes) -> None:
         """Pass a message on, unless the device is dead."""
         self._live()

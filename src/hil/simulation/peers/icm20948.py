@@ -68,6 +68,7 @@ _LSB_PER_DEGREE = (131.0, 65.5, 32.8, 16.4)
 _LSB_PER_G, _GRAVITY = (16384, 8192, 4096, 2048), 9.80665
 _LSB_PER_KELVIN, _COLDER = 333.87, 4.0  # counts are 0 at 21 degC
 _LEAST, _MOST = -32768, 32767
+_TEMPERATURE = 6  # its place in a sample
 _FIFO_BYTES = 512
 _BITS = Bits(new=0x01, watermark=0x00, full=0x00)
 _MAGNETOMETER = 0x0C
@@ -171,6 +172,7 @@ class Icm20948(SampledPeer):
             fifo=self._fifo,
             faults=fitted.faults,
         )
+        self._sampler.make_packed = self._packed_samples
         self._readers = self._computed()
         self._start_ns = self._valid_ns = self._lost = 0
 
@@ -204,7 +206,7 @@ class Icm20948(SampledPeer):
         self._setting = _Setting.read(self._registers)
 
     def _require_bypass(self) -> None:
-        self._acknowledge()
+        self._require_answer()
         asleep = self._registers[Register.PWR_MGMT_1] & _SLEEP
         if asleep or self._registers[Register.USER_CTRL] & _I2C_MST_EN or not self._pins() & _BYPASS_EN:
             raise Nack
@@ -253,23 +255,32 @@ class Icm20948(SampledPeer):
             self._sampler.restart(Grid(now_ns, NANOSECONDS / rate) if running else None)
         self._sampler.reschedule()
 
-    def _samples(self, first: int, ends_ns: NDArray[np.int64]) -> Samples:
+    def _packed_samples(self, first: int, ends_ns: NDArray[np.int64]) -> Samples:
+        """Make samples with those numbers alone that go into the FIFO, where one of each sensor's does."""
+        contents = self._contents()
+        return self._samples(first, ends_ns, accel=min(contents) < 3, gyro=any(3 <= each < 6 for each in contents))
+
+    def _samples(self, first: int, ends_ns: NDArray[np.int64], *, accel: bool = True, gyro: bool = True) -> Samples:
         """Make samples: three accelerations, three rates, the temperature."""
         degrees = self._die.many(ends_ns)
         outputs = np.zeros((ends_ns.size, 7), dtype=np.int16)
-        if self._setting.accel:
+        if accel and self._setting.accel:
             measured = self._accelerometer.measured(first, ends_ns, degrees)
             measured *= _LSB_PER_G[self._registers[Register.ACCEL_CONFIG] >> 1 & 3] / _GRAVITY
             outputs[:, :3] = limited(measured, _LEAST, _MOST).T
-        if self._setting.gyro:
+        if gyro and self._setting.gyro:
             measured = self._gyroscope.measured(first, ends_ns, degrees)
             measured *= _LSB_PER_DEGREE[self._registers[Register.GYRO_CONFIG_1] >> 1 & 3]
             outputs[:, 3:6] = limited(measured, _LEAST, _MOST).T
         outputs[ends_ns < self._valid_ns] = 0
-        if not self._registers[Register.PWR_MGMT_1] & _TEMP_DIS:
-            counts = self._as_raw(self._die.counts(degrees + _COLDER, _LSB_PER_KELVIN), ends_ns)
-            outputs[:, 6] = limited(counts, _LEAST, _MOST)
+        outputs[:, _TEMPERATURE] = self._temperatures(ends_ns, degrees)
         return Samples(ends_ns, outputs, np.zeros(ends_ns.size, dtype=np.int8))
+
+    def _temperatures(self, ends_ns: NDArray[np.int64], degrees: NDArray[np.float64]) -> NDArray[np.float64]:
+        if self._registers[Register.PWR_MGMT_1] & _TEMP_DIS:
+            return np.zeros(ends_ns.size)
+        counts = self._as_raw(self._die.counts(degrees + _COLDER, _LSB_PER_KELVIN), ends_ns)
+        return limited(counts, _LEAST, _MOST)
 
     def _contents(self) -> list[int]:
         """Return which numbers of a sample go into the FIFO."""
@@ -304,6 +315,11 @@ class Icm20948(SampledPeer):
         return readers | number_at(Register.FIFO_COUNT, lambda: self._fifo.filled, big=lambda: True)
 
     def _output(self, place: int) -> int:
+        """Return one number; the temperature alone does not have the axes made, which a magnetometer leaves unread."""
+        if place == _TEMPERATURE:
+            alone = self._temperature_alone(lambda ends_ns: self._temperatures(ends_ns, self._die.many(ends_ns)))
+            if alone is not None:
+                return alone
         return self._sampler.newest[place]
 
     def _pins(self) -> int:

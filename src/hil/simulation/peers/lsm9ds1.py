@@ -1,6 +1,7 @@
 """An LSM9DS1 at register level: gyroscope and accelerometer on one die, magnetometer on another, an address each.
 
-The data sheet (DocID025715) as public drivers have it (ST, Adafruit, SparkFun); cut-off frequencies from memory.
+The data sheet (DocID025715) as public drivers have it (ST, Adafruit, SparkFun); cut-off frequencies and FIFO
+from memory.
 
 First die, 6Ah or 6Bh: WHO_AM_I 0Fh is 68h. After power-on CTRL_REG1_G 10h and CTRL_REG6_XL 20h are 0, both sensors off,
 CTRL_REG4 and CTRL_REG5_XL 38h, CTRL_REG8 04h (a transfer goes on to the next register). ODR_G, the upper three bits of
@@ -9,13 +10,19 @@ ODR_XL: 10, 50, 119, 238, 476, 952 Hz. FS_G is 245, 500, 2000 deg/s by 00, 01, 1
 FS_XL is 2, 16, 4, 8 g by 00, 01, 10, 11 (0.061, 0.732, 0.122, 0.244 mg). OUT_TEMP 15h has 16 counts per degC and is 0
 at 25 degC. STATUS_REG 17h and 27h tell of new acceleration, rate, temperature in bits 0, 1, 2. Low byte first.
 
+With FIFO_EN, bit 1 of CTRL_REG9 23h, and FMODE, the upper three bits of FIFO_CTRL 2Eh, 001 (stops when full) or 110
+(the oldest level goes), samples go into a FIFO of 32 levels; 000 empties it. FIFO_SRC 2Fh tells in bit 7 that FTH, the
+lower bits of 2Eh, is reached, in bit 6 (OVRN) that a level was overwritten, and below how many are stored. A transfer
+from 18h on goes on from 1Dh to 28h and from 2Dh to 18h, level by level.
+
 Second die, 1Ch or 1Eh: WHO_AM_I_M 0Fh is 3Dh, and registers as of the LIS3MDL, with 0.14, 0.29, 0.43, 0.58 mgauss per
 count and no thermometer; bit 7 of CTRL_REG1_M compensates the sensitivity for temperature.
 
 Assumed: the noise bandwidth is that of a Butterworth filter of second order at the first filter's cut-off frequency;
 any change of rate or range starts the samples, and their noise, again, of both sensors; a read of any data takes away
-the bits of the status. Not modelled: second filters, high-pass filters, low-power mode, the FIFO, interrupts, self-
-test.
+the bits of the status; a level has the axes of both sensors, 0 of one that is off, and is gone, and OVRN with it, once
+its last byte was read. Not modelled: second filters, high-pass filters, low-power mode, triggered modes of the FIFO and
+that of the accelerometer alone, interrupts, self-test.
 """
 
 from __future__ import annotations
@@ -43,9 +50,10 @@ from hil.simulation.peers.sensors.chip import (
     number_at,
 )
 from hil.simulation.peers.sensors.elements import AccelerationTruth, AxesElement, Die, FieldElement, limited
+from hil.simulation.peers.sensors.fifo import Fifo
 from hil.simulation.peers.sensors.grid import Grid
 from hil.simulation.peers.sensors.sampled import SampledPeer
-from hil.simulation.peers.sensors.sampler import Bits, Sampler, Samples
+from hil.simulation.peers.sensors.sampler import Bits, FifoSetting, Sampler, Samples
 from hil.wire.checkpoint import Kept
 
 __all__ = ["MODEL", "Inertial", "Lsm9ds1Truth", "Magnetometer", "build"]
@@ -53,6 +61,8 @@ __all__ = ["MODEL", "Inertial", "Lsm9ds1Truth", "Magnetometer", "build"]
 _CTRL1_G, _CTRL6_XL, _CTRL8 = 0x10, 0x20, 0x22
 _TEMP, _OUT_G, _OUT_XL = 0x15, 0x18, 0x28
 _STATUS = (0x17, 0x27)
+_CTRL9, _FIFO_CTRL, _FIFO_SRC, _FIFO_EN = 0x23, 0x2E, 0x2F, 0x02
+_LEVELS, _LEVEL, _WHEN_FULL_STOP, _CONTINUOUS = 32, 12, 1, 6
 _RESET, _INCREMENT = 0x01, 0x04
 _ACCEL_NEW, _GYRO_NEW, _TEMP_NEW = 1, 2, 4
 _GYRO_RATES = (0.0, 14.9, 59.5, 119.0, 238.0, 476.0, 952.0, 0.0)
@@ -90,15 +100,26 @@ class Inertial(SampledPeer):
     _asked: Kept[list[int]]
     _rates: Kept[AxesElement]
     _accelerations: Kept[AxesElement]
+    _fifo: Kept[Fifo]
+    _lost: Kept[int]
 
     def __init__(
         self, fitted: Fitted, rates: AxesElement, accelerations: AxesElement, die: Die, odr_error: float
     ) -> None:
         super().__init__(fitted)
         self._rates, self._accelerations, self._die, self._odr = rates, accelerations, die, 1 + odr_error
-        self._sampler = Sampler(bits=Bits(1, 0, 0), asleep=[0] * 7, make=self._samples, faults=fitted.faults)
+        self._fifo, self._lost = Fifo(_LEVELS * _LEVEL, _LEVEL), 0
+        self._sampler = Sampler(
+            bits=Bits(1, 0, 0),
+            asleep=[0] * 7,
+            make=self._samples,
+            faults=fitted.faults,
+            pack=lambda samples: samples.outputs[:, 1:].astype("<i2").tobytes(),
+            look=self._look,
+            fifo=self._fifo,
+        )
         self._start_ns, self._asked = 0, [0, 0]
-        self._readers = dict.fromkeys(_STATUS, self._status)
+        self._readers = {**dict.fromkeys(_STATUS, self._status), _FIFO_SRC: self._levels}
         for place, register in enumerate((_TEMP, *range(_OUT_G, _OUT_G + 6, 2), *range(_OUT_XL, _OUT_XL + 6, 2))):
             self._readers |= number_at(register, partial(self._output, place))
 
@@ -106,6 +127,7 @@ class Inertial(SampledPeer):
         self._asked = [0, 0]
         self._rates.stop()
         self._accelerations.stop()
+        self._empty()
         self._sampler.reset(0)
 
     def _step(self) -> None:
@@ -123,6 +145,35 @@ class Inertial(SampledPeer):
         if wanted != self._asked:
             self._asked, self._start_ns = wanted, self._clock.now_ns()
             self._begin()
+        if register == _FIFO_CTRL and not value >> 5:
+            self._empty()
+        self._sampler.reschedule()
+
+    def _empty(self) -> None:
+        self._lost = 0
+        self._sampler.flush(_LEVEL)
+
+    def _look(self) -> FifoSetting:
+        mode = self._registers[_FIFO_CTRL] >> 5
+        on = bool(self._registers[_CTRL9] & _FIFO_EN) and mode in {_WHEN_FULL_STOP, _CONTINUOUS}
+        return FifoSetting(active=on, newest_go=mode == _WHEN_FULL_STOP, watermark=0, every=False, sources=0)
+
+    def _levels(self) -> int:
+        stored = self._fifo.packets
+        reached = stored >= (self._registers[_FIFO_CTRL] & 0x1F)
+        return reached << 7 | (self._fifo.lost != self._lost) << 6 | stored
+
+    def _burst(self, register: int, count: int) -> bytes:
+        """Take levels from the FIFO, where it is on."""
+        if register != _OUT_G or not self._look().active or not self._registers[_CTRL8] & _INCREMENT:
+            return b""
+        data = self._fifo.take(count, resume=False)
+        self._lost = self._fifo.lost
+        self._sampler.reschedule()
+        return data
+
+    def _sleeps_by(self, register: int, value: int) -> bool:
+        return super()._sleeps_by(register, value) and not self._asked[1]  # else the accelerometer goes on
 
     def _begin(self) -> None:
         gyro, accel = (control >> 5 for control in self._asked)
@@ -138,7 +189,7 @@ class Inertial(SampledPeer):
     def _samples(self, first: int, ends_ns: NDArray[np.int64]) -> Samples:
         degrees = self._die.many(ends_ns)
         outputs = np.zeros((ends_ns.size, 7), dtype=np.int16)
-        outputs[:, 0] = limited(self._as_raw(self._die.counts(degrees, 16.0), ends_ns), _LEAST, _MOST)
+        outputs[:, 0] = self._temperatures(ends_ns)
         gyro, accel = self._asked
         for element, control, milli, at, unit in (
             (self._rates, gyro, _MDPS, 1, 1.0),
@@ -149,9 +200,13 @@ class Inertial(SampledPeer):
                 outputs[:, at : at + 3] = limited(measured, _LEAST, _MOST).T
         return Samples(ends_ns, outputs, np.zeros(ends_ns.size, dtype=np.int8))
 
+    def _temperatures(self, ends_ns: NDArray[np.int64]) -> NDArray[np.float64]:
+        return limited(self._as_raw(self._die.counts(self._die.many(ends_ns), 16.0), ends_ns), _LEAST, _MOST)
+
     def _output(self, place: int) -> int:
         self._sampler.status = 0
-        return self._sampler.newest[place]
+        alone = self._temperature_alone(self._temperatures) if not place else None
+        return self._sampler.newest[place] if alone is None else alone
 
     def _status(self) -> int:
         gyro, accel = (control >> 5 for control in self._asked)

@@ -133,6 +133,16 @@ class BoardBus(Stateful):
         status = self.write(address, bytes([register]))
         return self.read(address, length) if status == OK else (status, b"")
 
+    def remembers(self, address: int, register: int, length: int) -> bool:
+        """Return whether `remembered` can tell these registers until somebody writes to the bus."""
+        able = getattr(self._peers.get(address), "remembers", None)
+        return not self._line_up and not self._faults.faults and able is not None and bool(able(register, length))
+
+    def remembered(self, address: int, register: int, length: int, times_ns: Sequence[int]) -> list[bytes]:
+        """Return what `registers` would have given at rising instants of the past."""
+        found: list[bytes] = getattr(self._peers[address], "remembered")(register, length, times_ns)  # noqa: B009
+        return found
+
     def _at(self, address: int) -> BusPeer:
         if address not in self._peers or self._faults.now(NoAcknowledge, self._clock.now_ns(), address):
             raise Nack

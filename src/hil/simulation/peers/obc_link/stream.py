@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import cast
 
+from hil.clock.port import NANOSECONDS
 from hil.simulation.peers.obc_link.bus import OK, BoardBus
 from hil.simulation.peers.obc_link.fields import FifoTransfer, Program, RegisterTransfer, program_of
 from hil.simulation.peers.obc_link.uart import Uart, seal
@@ -21,6 +22,9 @@ STREAM_USER = "stream"
 """The stream's name in the line-up for the bus."""
 
 _LATENCY_NS = 2000
+_LONGEST_NS = NANOSECONDS
+_HEAD, _ITEM = 32, 3
+"""Bytes of a frame beside its items, at the most, and of an item beside its data."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +56,7 @@ class Stream(Stateful):
     _next: Kept[_Trigger | None]
     _result: Kept[bytes | None]
     _timer: Kept[Alarm]
+    _gathering: Kept[Alarm]
     _turning: Kept[Alarm]
 
     def __init__(self, bus: BoardBus, uart: Uart, clock: BoardClock, ended: Callable[[], None]) -> None:
@@ -83,6 +88,7 @@ class Stream(Stateful):
         """Connect the bench's clock."""
         self._clock = clock
         self._timer = Alarm(clock, self._tick)
+        self._gathering = Alarm(clock, self._gather)
         self._turning = Alarm(clock, partial(self._bus.ask, STREAM_USER))
 
     @property
@@ -108,6 +114,7 @@ class Stream(Stateful):
         """Let no further trigger count; the pending turns are finished."""
         self._counting = False
         self._timer.clear()
+        self._gathering.clear()
 
     def halt(self) -> bool:
         """Stop, give up the turn that runs and the trigger that waits; return whether triggers counted."""
@@ -153,9 +160,62 @@ class Stream(Stateful):
             self._timer.set(self._board.instant(self._start_us + (self._ticks + 1) * self._program.period_us))
 
     def _tick(self) -> None:
+        through_ns = self._unseen_ns()
+        if through_ns is not None:
+            self._gathering.set(through_ns)
+            return
         self._ticks += 1
         self._arm_timer()
         self._trigger(self._board.at(self._clock.now_ns()))
+
+    def _unseen_ns(self) -> int | None:
+        """Return when the last turn is through of those that nobody sees begin or end, None where there is none.
+
+        They are made together then, each for its instant.
+        """
+        program = cast("Program", self._program)
+        if self._turn is not None or not self._uart.idle:
+            return None
+        if not all(
+            isinstance(each, RegisterTransfer) and self._bus.remembers(each.address, each.register, each.length)
+            for each in program.transfers
+        ):
+            return None
+        turn_ns = self._turn_ns(program)
+        sent_ns = turn_ns + (_HEAD + sum(_ITEM + each.length for each in program.transfers)) * self._uart.ns_per_byte
+        if 2 * sent_ns > program.period_us * 1000:
+            return None
+        now_ns = self._clock.now_ns()
+        ends_ns = self._instants(program, min(self._clock.calm_until_ns(), now_ns + _LONGEST_NS) - turn_ns)
+        return ends_ns[-1] + turn_ns if ends_ns else None
+
+    def _gather(self) -> None:
+        """Make the turns that nobody saw; the last frame of them leaves now."""
+        program = cast("Program", self._program)
+        now_ns, turn_ns = self._clock.now_ns(), self._turn_ns(program)
+        at_ns = self._instants(program, now_ns - turn_ns)
+        read_ns = [each + _LATENCY_NS for each in at_ns]
+        transfers = cast("tuple[RegisterTransfer, ...]", program.transfers)
+        replies = [self._bus.remembered(each.address, each.register, each.length, read_ns) for each in transfers]
+        for tick_ns, parts in zip(at_ns, zip(*replies, strict=True), strict=True):
+            self._ticks += 1
+            items = b"".join([bytes([OK]) + len(data).to_bytes(2, "little") + data for data in parts])
+            frame = self._frame(self._board.at(tick_ns), self._number(), bytes([len(parts)]) + items)
+            if tick_ns == at_ns[-1]:
+                self._uart.stream(frame)
+            else:
+                self._uart.streamed(frame, tick_ns + turn_ns)
+        self._arm_timer()
+
+    def _turn_ns(self, program: Program) -> int:
+        """Return what a turn takes whose transfers are all acknowledged."""
+        bits = 9 * sum(each.size for each in program.transfers)
+        return _LATENCY_NS + bits * NANOSECONDS // self._bus.frequency_hz
+
+    def _instants(self, program: Program, until_ns: int) -> list[int]:
+        """Return when the timer's next ticks are."""
+        shown_us = self._start_us + self._ticks * program.period_us
+        return self._board.instants(shown_us, program.period_us, until_ns, _LONGEST_NS // (program.period_us * 1000))
 
     def _trigger(self, at_us: int) -> None:
         program = self._program
@@ -202,9 +262,11 @@ class Stream(Stateful):
         return self._bus.registers(transfer.address, transfer.register, length) if length else (OK, b"")
 
     def _emit(self, turn: _Trigger, result: bytes) -> None:
-        program = cast("Program", self._program)
         number = self._number() if turn.number is None else turn.number
-        head = bytes([program.number, 0]) + number.to_bytes(4, "little") + self.lost.to_bytes(4, "little")
-        frame = seal(STREAM_DATA, 0, head + turn.at_us.to_bytes(8, "little") + result)
-        if not self._uart.stream(frame):
+        if not self._uart.stream(self._frame(turn.at_us, number, result)):
             self._lose()
+
+    def _frame(self, at_us: int, number: int, result: bytes) -> bytes:
+        program = cast("Program", self._program)
+        head = bytes([program.number, 0]) + number.to_bytes(4, "little") + self.lost.to_bytes(4, "little")
+        return seal(STREAM_DATA, 0, head + at_us.to_bytes(8, "little") + result)

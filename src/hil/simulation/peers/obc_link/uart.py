@@ -198,6 +198,15 @@ class Uart(Stateful):
         self._next()
         return True
 
+    @property
+    def idle(self) -> bool:
+        """Whether nothing is sent or waits, and nothing goes wrong with what is sent at any time."""
+        return self._free.due_ns is None and not self._first and not self._waiting and not self._faults.faults
+
+    def streamed(self, frame: bytes, at_ns: int) -> None:
+        """Let a stream frame have left at an instant of the past, at which nothing else was sent."""
+        self._line.send(frame, at_ns - self._clock.now_ns())
+
     def discard(self) -> None:
         """Throw the stream frames away that wait."""
         self._waiting.clear()

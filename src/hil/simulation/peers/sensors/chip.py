@@ -185,15 +185,17 @@ class SensorPeer(Stateful):
         """Give registers from the pointer on."""
         del address
         self._acknowledge()
-        data = bytearray()
-        while len(data) < count:
+        data, width = bytearray(), self.sheet.width
+        while (missing := count - len(data)) > 0:
             register = self._register()
-            burst = self._burst(register, count - len(data))
-            if burst:
+            if burst := self._burst(register, missing):
                 data += burst
+                continue
+            if width == 1:
+                data.append(self._load(register))
             else:
-                data += self._load(register).to_bytes(self.sheet.width, "big")
-                self._step()
+                data += self._load(register).to_bytes(width, "big")
+            self._step()
         return bytes(data[:count])
 
     def _connected(self) -> None:

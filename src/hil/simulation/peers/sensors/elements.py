@@ -160,8 +160,11 @@ class AxesElement:
         self._faults = setup.faults
         self._seeds: Seeds = setup.seeds
         self._name = setup.instrument.name
-        self._bias = np.array([getattr(self._truth, f"bias_{axis}") for axis in AXES]).T[:, :, np.newaxis]
-        self._scale = np.array([getattr(self._truth, f"scale_{axis}") for axis in AXES]).T[:, :, np.newaxis]
+        self._bias, self._scale = (
+            _Polynomial(np.array([getattr(self._truth, f"{kind}_{axis}") for axis in AXES]))
+            for kind in ("bias", "scale")
+        )
+        self._misaligned = any(self._truth.misalignment)
         self._begun: tuple[int, float, float] | None = None
         self._noise: list[RateNoise] = []
 
@@ -222,12 +225,14 @@ class AxesElement:
             rates[axis] = point.observe_many(ends_ns)
         for fault in self._faults.of(Saturated):
             rates[:, (ends_ns >= fault.start_ns) & (ends_ns < fault.end_ns)] += fault.added
-        seen = rates.copy()
-        for (here, other), share in zip(_MISALIGNED, self._truth.misalignment, strict=True):
-            if share:
+        seen = rates
+        if self._misaligned:
+            seen = rates.copy()
+            for (here, other), share in zip(_MISALIGNED, self._truth.misalignment, strict=True):
                 seen[here] += share * rates[other]
-        seen *= 1 + _polynomial(self._scale, warmer)
-        seen += _polynomial(self._bias, warmer)
+        if self._scale.any:
+            seen *= 1 + self._scale.at(warmer)
+        seen += self._bias.at(warmer)
         return seen
 
 
@@ -323,7 +328,18 @@ def limited(counts: NDArray[np.float64], least: int, most: int) -> NDArray[np.fl
     return np.asarray(np.minimum(np.maximum(np.rint(counts), least), most))
 
 
-def _polynomial(coefficients: NDArray[np.float64], argument: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return polynomials with coefficients of shape (3, m, 1), lowest power first, shape (m, n)."""
-    constant, linear, square = coefficients
-    return np.asarray(constant + argument * (linear + argument * square))
+class _Polynomial:
+    """Polynomials of one argument.
+
+    Args:
+        coefficients: of each, shape (m, 3), lowest power first.
+    """
+
+    def __init__(self, coefficients: NDArray[np.float64]) -> None:
+        self._constant, self._linear, self._square = coefficients.T[:, :, np.newaxis]
+        self.any, self._curved = bool(coefficients.any()), bool(self._square.any())
+
+    def at(self, argument: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return them at arguments of shape (n,), shape (m, n)."""
+        slope = self._linear + argument * self._square if self._curved else self._linear
+        return np.asarray(self._constant + argument * slope)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import ClassVar
 
 import numpy as np
@@ -25,6 +26,7 @@ class SampledPeer(SensorPeer):
     sleep: ClassVar[tuple[int, int, int]]
     _sampler: Kept[Sampler]
     _naps: Kept[Alarms]
+    _warm = (-1, 0)
 
     def _connected(self) -> None:
         self._sampler.attach(self._clock)
@@ -41,11 +43,30 @@ class SampledPeer(SensorPeer):
             self._store(register, self._registers[register])
 
     def _woken(self, register: int, value: int) -> int:
-        """Return what a register takes: nobody can wake a sensor that fell asleep."""
+        """Return what a register takes: nobody can wake a sensor that fell asleep.
+
+        What it measured last was measured with the old settings, so it is made before they change.
+        """
         known, bits, asleep = self.sleep
+        if value != self._registers[register] and not self._sleeps_by(register, value):
+            _ = self._sampler.newest
         if register == known and self._faults.now(Asleep, self._clock.now_ns()):
             return value & ~bits | asleep
         return value
+
+    def _sleeps_by(self, register: int, value: int) -> bool:
+        """Return whether it sleeps after a write, so that nobody reads what it measured last."""
+        known, bits, asleep = self.sleep
+        return register == known and value & bits == asleep
+
+    def _temperature_alone(self, made: Callable[[NDArray[np.int64]], NDArray[np.float64]]) -> int | None:
+        """Return the temperature of the newest sample as `made` makes it, None once its axes were made, too."""
+        unmade_ns = self._sampler.unmade_ns
+        if unmade_ns is None:
+            return None
+        if self._warm[0] != unmade_ns:
+            self._warm = (unmade_ns, int(made(np.array([unmade_ns]))[0]))
+        return self._warm[1]
 
     def _as_raw(self, counts: NDArray[np.float64], ends_ns: NDArray[np.int64]) -> NDArray[np.float64]:
         """Return counts of the temperature, constant while a fault says so."""

@@ -69,7 +69,8 @@ _NO_PIN = PinSetting(works=False, high=True, latched=False, pulse_ns=0)
 class Sampler(Stateful):
     """Samples are made in rows, when somebody looks, at the latest after a second, and when an interrupt is due.
 
-    One without a FIFO and without a pin leaves out what concerns them.
+    One without a FIFO and without a pin leaves out what concerns them. Without a FIFO only the newest sample can be
+    read, and it is made when somebody reads it: a sensor that runs for hours unread costs nothing.
 
     Args:
         bits: of the status.
@@ -80,11 +81,16 @@ class Sampler(Stateful):
         fifo: where samples go.
         pin: signals them.
         faults: `stuck` gives the last healthy sample again and again.
+
+    Attributes:
+        make_packed: makes samples as `make` does, but only the numbers that go into the FIFO; None where that is no
+            quicker.
     """
 
     _grid: Kept[Grid | None]
     status: Kept[int]
-    newest: Kept[list[int]]
+    _newest: Kept[list[int]]
+    _unmade: Kept[int]
     _settled: Kept[int]
     _edge: Kept[bool]
     _held: Kept[list[int] | None]
@@ -106,6 +112,7 @@ class Sampler(Stateful):
         self._bits = bits
         self._asleep = asleep
         self._make = make
+        self.make_packed: Callable[[int, NDArray[np.int64]], Samples] | None = None
         self._pack = pack
         self._look = look
         self._fifo = Fifo(1, 1) if fifo is None else fifo
@@ -113,7 +120,8 @@ class Sampler(Stateful):
         self._faults = faults
         self._grid = None
         self.status = 0
-        self.newest = list(asleep)
+        self._newest = list(asleep)
+        self._unmade = 0
         self._settled = 0
         self._edge = False
         self._held = None
@@ -129,15 +137,28 @@ class Sampler(Stateful):
 
     def reset(self, status: int) -> None:
         """Be as after power-on: asleep, with nothing sampled."""
-        self.status, self.newest = status, list(self._asleep)
+        self.status = status
         self.restart(None)
         self.reschedule()
 
     def restart(self, grid: Grid | None) -> None:
         """Count samples again, on this grid; None is sleep."""
-        self._grid, self._settled, self._edge = grid, 0, False
+        self._grid, self._settled, self._unmade, self._edge = grid, 0, 0, False
         if grid is None:
-            self.newest = list(self._asleep)
+            self._newest = list(self._asleep)
+
+    @property
+    def newest(self) -> list[int]:
+        """What data registers show: the newest sample, which is made now if it was not before."""
+        if self._unmade and self._grid:
+            self._made(self._grid, self._unmade, self._unmade)
+        return self._newest
+
+    @property
+    def unmade_ns(self) -> int | None:
+        """When the newest sample ended, as long as nobody has read it; None where it is made, or is not the newest."""
+        stuck = self._faults.now(Stuck, self._clock.now_ns())
+        return self._grid.end_ns(self._unmade) if self._unmade and self._grid and not stuck else None
 
     def settle(self) -> None:
         """Make the samples that have ended since the last time."""
@@ -146,13 +167,12 @@ class Sampler(Stateful):
         if grid is None or count == self._settled:
             return
         setting = self._look()
-        first = self._settled + 1 if setting.active else count
-        samples = self._stuck(self._make(first, grid.ends_ns(first, count - first + 1)))
-        self._settled = count
-        self.newest = samples.outputs[-1].tolist()
+        first, self._settled, self._unmade = self._settled + 1, count, count
         self._note(self._bits.new, setting)
-        if setting.active:
-            self._push(samples, setting)
+        if setting.active and self.make_packed is not None:
+            self._push(self._stuck(self.make_packed(first, grid.ends_ns(first, count - first + 1))), setting)
+        elif setting.active:
+            self._push(self._made(grid, first, count), setting)
         self.reschedule()
 
     def flush(self, packet: int) -> None:
@@ -168,6 +188,12 @@ class Sampler(Stateful):
             self._next.clear()
         else:
             self._next.set(when_ns)
+
+    def _made(self, grid: Grid, first: int, last: int) -> Samples:
+        """Make samples up to the newest one, counted from 1."""
+        samples = self._stuck(self._make(first, grid.ends_ns(first, last - first + 1)))
+        self._unmade, self._newest = 0, samples.outputs[-1].tolist()
+        return samples
 
     def _push(self, samples: Samples, setting: FifoSetting) -> None:
         fifo, level = self._fifo, setting.watermark
