@@ -159,6 +159,7 @@ def coloured(generator, alpha, count=1000, repeats=2000):
     return np.fft.irfft(spectrum * gain)[:, :count]
 
 
+@pytest.mark.system
 @pytest.mark.parametrize(
     ("estimator", "alpha", "m"),
     sweeps.sample(
@@ -185,6 +186,7 @@ def test_degrees_of_freedom_agree_with_simulation(estimator, alpha, m):
     assert degrees(estimator, alpha, m, found[0][1], 1000) == pytest.approx(simulated, rel=0.2)
 
 
+@pytest.mark.system
 @pytest.mark.parametrize(("alpha", "m"), sweeps.sample([(0, 250), (-1, 250), (-2, 250), (-1, 500)], 2))
 def test_the_bias_of_total_is_the_published_one(alpha, m):
     """Mean of 2000 simulated total over Allan variances, at a quarter or half of the record: within 5 %."""
@@ -209,6 +211,7 @@ def test_degrees_of_freedom_of_a_mixture_lie_between_its_parts():
     assert edf({0: 1.0, -1: 0.0, -2: 0.0}, 64, 872) == pytest.approx(white)
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("term", TERMS)
 def test_model_variances_are_those_of_simulated_noise(term):
     """Mean of 400 simulated Allan variances agrees with the exact sampled form to four standard errors."""
@@ -233,6 +236,7 @@ EXPECTED = {
 }
 
 
+@pytest.mark.system
 @pytest.mark.parametrize(
     ("estimator", "term"),
     sweeps.sample(
@@ -277,7 +281,7 @@ def test_uncertainties_of_the_coefficients_cover_as_they_claim():
     """
     generator = np.random.default_rng(11)
     trials = inside = wide = bounds = held = invented = 0
-    rounds = sweeps.chosen(30, 85)
+    rounds = sweeps.chosen(30, 90)
     for level in LEVELS * rounds:
         model = characterise(noise(generator, 16_384, 10.0, **level), 10.0, "deg/s")
         for term, truth in level.items():
@@ -316,6 +320,7 @@ def test_a_mixture_near_a_datasheet_is_recovered():
     assert model.random_walk.unit == "deg/s*sqrt(Hz)"
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("known", [{}, {"bandwidth": 8.1}, {"tau_min": 0.5}])
 def test_a_filtered_sensor_keeps_its_white_noise(known):
     """White noise behind a first-order filter, whether it is given, found or left out: N to 2.5 u, and no Q claimed."""
@@ -336,6 +341,7 @@ def test_the_longest_averaging_time_that_is_fitted_can_be_given():
     assert characterise(data, 1.0, "deg/s", tau_max=32.0).random_walk.status is FigureStatus.UPPER_LIMIT
 
 
+@pytest.mark.system
 def test_a_fit_that_is_too_good_is_doubted():
     """A single spike follows the slope of white noise more closely than white noise does."""
     data = 1e-3 * np.random.default_rng(12).standard_normal(20_000)

@@ -20,6 +20,13 @@ def small_blocks(monkeypatch):
     monkeypatch.setattr(strided, "_BLOCK", 1 << 9)
 
 
+@pytest.fixture(autouse=True)
+def plain(request, monkeypatch):
+    """The way without a compiler, which takes seconds to load; the tests marked `system` take the compiler's."""
+    if not request.node.get_closest_marker("system"):
+        monkeypatch.setattr(strided, "_fine", lambda: strided._plain)
+
+
 def record(samples, offset=5.0):
     """White noise and a random walk on an offset."""
     generator = np.random.default_rng(samples)
@@ -34,9 +41,8 @@ def defined(values, m):
     return float(np.square(second).mean()) / (2.0 * m * m)
 
 
-@pytest.mark.parametrize("samples", [2048, 4095, 9001, 20_011])
-def test_one_pass_gives_the_variances_that_it_defines(samples):
-    """Any length, whatever it leaves in the last block, and averages that are plain sums."""
+def compared_with_the_definition(samples):
+    """Assert that one pass gives the variances that are defined, and averages that are plain sums."""
     values = record(samples)
     count = int(np.log2(samples // 4)) + 1
     found, averages = strided.octaves(values, float(values.mean()), count)
@@ -45,6 +51,19 @@ def test_one_pass_gives_the_variances_that_it_defines(samples):
         m = 1 << octave
         rows = (values - values.mean())[: min(samples // m, 1 << 14) * m].reshape(-1, m)
         assert np.allclose(sums, rows.sum(axis=1), rtol=0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("samples", [2048, 4095, 9001, 20_011])
+def test_one_pass_gives_the_variances_that_it_defines(samples):
+    """Any length, whatever it leaves in the last block, and averages that are plain sums."""
+    compared_with_the_definition(samples)
+
+
+@pytest.mark.system
+def test_one_pass_that_was_compiled_gives_them_too():
+    """Of all those lengths."""
+    for samples in (2048, 4095, 9001, 20_011):
+        compared_with_the_definition(samples)
 
 
 def test_the_loops_that_a_compiler_takes_give_the_same():

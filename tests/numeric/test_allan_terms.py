@@ -17,7 +17,7 @@ import sweeps
 from scipy.signal import butter, lfilter
 from scipy.special import stdtrit
 
-from hil.analysis import quality
+from hil.analysis import SensorModel, quality, simulate
 from hil.analysis.allan.curves import slow
 from hil.analysis.allan.noise import characterise
 from hil.analysis.allan.rolloff import rolloff
@@ -93,6 +93,17 @@ def spiked(values, generator):
 
 
 DISTURBED = [warm_up, slow_sine, first_order, second_order, counts, coarse, clipped, spiked]
+TITLES = {
+    plain: "nothing else",
+    warm_up: "a warm-up",
+    slow_sine: "a slow sine",
+    first_order: "a filter of first order",
+    second_order: "a filter of second order",
+    counts: "counts of the white noise",
+    coarse: "counts of five times the white noise",
+    clipped: "clipping at 1.5 standard deviations",
+    spiked: "three spikes",
+}
 CURVES = {warm_up, slow_sine}
 """What has a slope of its own, so that no ramp can be held against it."""
 
@@ -148,16 +159,30 @@ def sweep(disturb, subsets, seeds):
     return found
 
 
-def table(title, found):
-    """Return the rows of a table."""
+def table(disturb, records, found):
+    """Return the rows of the page's table."""
     for name, tally in found.items():
-        share = [f"{each / tally.measured:.3f}" if tally.measured else "-" for each in (tally.one, tally.two)]
-        held = f"{tally.held}/{tally.bounds}" if tally.bounds else "-"
-        spread = f"{np.std(tally.pulls):.2f}" if tally.measured else "-"
-        yield (
-            f"| {title} | {name} | {tally.measured} | {share[0]} | {share[1]} | {spread} | "
-            f"{tally.invented}/{tally.absent} | {held} | {tally.silent} |"
+        shares = [band(hits, tally.measured, claim) for hits, claim in ((tally.one, 0.6827), (tally.two, 0.95))]
+        held = f"{tally.held} of {tally.bounds}" if tally.bounds else "-"
+        invented = f"{tally.invented} of {tally.absent}"
+        cells = (
+            TITLES[disturb],
+            records,
+            name.replace("_", " "),
+            tally.measured,
+            *shares,
+            invented,
+            held,
+            tally.silent,
         )
+        yield f"| {' | '.join(map(str, cells))} |"
+
+
+def band(hits, trials, claim):
+    """Return a share with the band of 95 % around what is claimed."""
+    if trials < 10:
+        return "-"
+    return f"{hits / trials:.1%} ± {196.0 * math.sqrt(claim * (1.0 - claim) / trials):.1f}".replace("%", " %")
 
 
 def spread(trials, share):
@@ -180,12 +205,14 @@ def judge(found):
         assert tally.held >= 0.95 * tally.bounds - spread(tally.bounds, 0.95)
 
 
+@pytest.mark.system
 @pytest.mark.timeout(3600)
 @pytest.mark.parametrize("disturb", sweeps.sample([plain, *DISTURBED], 4))
 def test_what_is_measured_was_put_in_and_covers(disturb):
     """100 seeds of every subset and disturbance in a soak: intervals cover as they claim, hardly a term is invented."""
-    found = sweep(disturb, sweeps.sample(SUBSETS, 4 if disturb is plain else 1), sweeps.chosen(1, 100))
-    sys.stdout.write("\n".join(table(disturb.__name__, found)))
+    subsets, seeds = sweeps.sample(SUBSETS, 4 if disturb is plain else 1), sweeps.chosen(1, 100)
+    found = sweep(disturb, subsets, seeds)
+    sys.stdout.write("\n".join(table(disturb, len(subsets) * seeds, found)))
     judge(found)
 
 
@@ -205,6 +232,20 @@ def test_a_warm_up_with_flicker_is_no_random_walk(subset, seed):
     assert model.remark
 
 
+@pytest.mark.parametrize("seed", [1072, 1207, 1628])
+def test_random_walk_that_looks_like_flicker_is_no_flicker(seed):
+    """Flicker that walk in its place explains within three standard deviations is a bound; these read 6 times too high.
+
+    The levels are those published for the axis z of a BMI088, whose flicker is far below its random walk.
+    """
+    levels = NoiseLevels(white=8.971e-3, flicker=1.2293e-4, random_walk=8.1563e-5)
+    flicker = characterise(
+        simulate(SensorModel(levels=levels, rate=1.0), 14_400, seed=seed).values, 1.0, "rad/s"
+    ).flicker
+    assert flicker.status is FigureStatus.UPPER_LIMIT
+    assert flicker.value > levels.flicker
+
+
 @pytest.mark.parametrize(("disturb", "corner"), [(first_order, 0.57), (second_order, 1.0)])
 @pytest.mark.parametrize("subset", [("white",), ("random_walk",), ("quantisation", "white", "flicker", "ramp")])
 def test_a_filter_is_found_in_the_spectrum(disturb, corner, subset):
@@ -222,6 +263,7 @@ def test_a_filter_is_found_around_holes_and_not_in_short_records():
     assert rolloff(values[:1000], RATE) is None
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("seed", [4, 6])
 def test_bounds_behind_a_filter_count_what_it_takes_off(seed):
     """White noise that the fit does not select is bounded above its truth though the filter lowers every point."""
@@ -242,6 +284,7 @@ def test_a_walk_that_meets_a_rail_once_is_flagged():
     assert "saturated" in {gate.name for gate in gates if gate.ok is False}
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("seed", range(3))
 def test_white_noise_beside_a_warm_up_is_that_without_it(seed):
     """The curve is taken off before white noise is fitted: what is left of it moves the value by little."""
@@ -260,6 +303,7 @@ def test_random_walk_is_as_uncertain_as_a_curve_that_may_be_in_it():
     assert walk.uncertainty > found.open / math.sqrt(3.0)
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("seed", [5, 9, 10, 11, 22])
 def test_a_jump_that_no_gate_sees_is_no_random_walk(seed):
     """A mean that moves by 0.4 standard deviations of a sample explains the record as well: slow noise is a bound."""
@@ -284,9 +328,10 @@ def test_what_is_left_without_a_curve_is_noise(curve):
 
 
 if __name__ == "__main__":
-    sys.stdout.write("| log | term | measured | 68 % | 95 % | pull | invented | bounds that hold | silent |\n")
-    sys.stdout.write("|---|---|---|---|---|---|---|---|---|\n")
+    sys.stdout.write("| with | records | term | measured | inside 68 % | inside 95 % | measured though not put in |")
+    sys.stdout.write(" bounds that hold | neither |\n|---|---|---|---|---|---|---|---|---|\n")
     for each in (plain, *DISTURBED):
         if each.__name__ in (sys.argv[2:] or [each.__name__]):
-            sys.stdout.write("\n".join(table(each.__name__, sweep(each, SUBSETS, int(sys.argv[1])))) + "\n")
+            rows = table(each, len(SUBSETS) * int(sys.argv[1]), sweep(each, SUBSETS, int(sys.argv[1])))
+            sys.stdout.write("\n".join(rows) + "\n")
             sys.stdout.flush()

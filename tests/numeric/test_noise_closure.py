@@ -18,6 +18,7 @@ from scipy.signal import lfilter
 
 from hil.analysis import NoiseLevels, SensorModel, characterise, deviation, simulate
 from hil.analysis.allan.slopes import nearest_slopes
+from hil.bench.file.reading import load_bench
 from hil.model.figure import FigureStatus
 from hil.requirements.parameters import load_parameters
 
@@ -69,6 +70,16 @@ def test_the_plan_simulates_what_is_printed():
         kind, _, table = each.text.partition(", ")[2].partition(": table ")
         column = {"white noise": "white"}.get(kind, kind)
         assert each.value == tuple(float(printed[table, axis][column]) for axis in "xyz"), each.name
+
+
+def test_the_magnetometers_of_the_bench_have_the_printed_slow_noise():
+    """Flicker and random walk of each first unit; nothing is printed of the AK09916, which has those of the BNO055."""
+    bench = load_bench(ROOT / "fixtures/benches", "imu", ROOT)
+    truths = {peer.device: peer.truth.get("field_noise") for peer in bench.simulated.peers}
+    for device, name in (("bno1", "BNO055"), ("icm1", "BNO055"), ("lsm1", "LSM9DS1"), ("lis1", "LIS3MDL")):
+        _, flicker, walk = zip(*SENSORS[f"{name} magnetometer"], strict=True)
+        assert tuple(map(float, truths[device]["flicker"])) == flicker
+        assert tuple(map(float, truths[device]["random_walk"])) == walk
 
 
 @pytest.mark.system

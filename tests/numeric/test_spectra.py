@@ -64,6 +64,7 @@ def test_densities_are_those_of_scipy(window, detrend, segment, overlap):
     assert found.bandwidth == pytest.approx(7.0 * (taps**2).sum() / taps.sum() ** 2)
 
 
+@pytest.mark.system
 def test_segments_longer_than_a_block_are_those_of_scipy():
     """Four at a time, the last time fewer."""
     data = np.random.default_rng(1).standard_normal(250_000)

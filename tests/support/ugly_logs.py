@@ -14,7 +14,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+import flights
 import numpy as np
+import photodiode_readings
 from click.testing import CliRunner
 
 from hil.cli.commands.analyse import command
@@ -99,9 +101,14 @@ def said(ugly: Kind, folder: Path) -> Said:
     assert result.return_value == int(flagged), "the exit code is 1 if a gate trips, else 0"
     gates = [gate for gate in document.get("gates", ()) if gate["ok"] is False]
     told = [f"{gate['name']}: {gate['reason']}" for gate in gates] + list(document.get("remarks", ()))
+    for phase in document.get("phases", ()):
+        told += [f"{gate['name']}: {gate['reason']}" for gate in phase["gates"] if gate["ok"] is False]
+        told += [phase["remark"]] if phase["remark"] else []
     if not flagged and all(figure["status"] in {"measured", "upper limit"} for figure in figures):
         return Said(outcome="value", sentence="; ".join(told), document=document, figures=figures)
     told += [axis["remark"] for axis in document.get("axes", ()) if axis.get("remark")]
+    axes = [axis for fragment in document.get("fragments", ())[:1] for axis in fragment["axes"]]
+    told += dict.fromkeys(reason for axis in axes for reason in axis["reasons"].values() if not flagged)
     return Said(outcome="flag", sentence="; ".join(told), document=document, figures=figures)
 
 
@@ -895,6 +902,77 @@ def psd_radians():
     return table(times(), noise() * math.pi / 180)
 
 
+# Flights
+
+FLIGHT = ("flight", "FILE", "--time", "t", "--columns", "gx,gy,gz", "--unit", "deg/s")
+BOTH = (*FLIGHT, "--field", "mx,my,mz", "--field-unit", "uT")
+TURNING = 12.0  # deg/s, for 120 s between two minutes at rest
+
+
+def turning(document):
+    """Return the rate of each rotation that no gate speaks against, one of nothing where there is none."""
+    doubted = [gate["reason"] for each in document["phases"] for gate in each["gates"] if gate["ok"] is False]
+    found = [each["turning"] for each in document["phases"] if each["kind"] == "rotation"]
+    return [{**each, "status": "inconclusive"} if doubted else each for each in found] or [{"value": 0.0}]
+
+
+def flown(*, units=1.0, iron=0.0, seconds=1.0):
+    """Return times, rates and fields of a flight."""
+    still, spin = flights.turning(120, 10.0), flights.turning(120, 10.0, (0.0, 0.0, TURNING))
+    rates, field = flights.made([still, spin, still], 10.0, iron=(iron, 0.0, 0.0))
+    return [np.arange(len(rates)) * 0.1 * seconds, *(rates * units).T, *field.T]
+
+
+def flight(columns):
+    return table(*columns, head="t,gx,gy,gz,mx,my,mz")
+
+
+@kind("a flight with one rotation, nothing ugly", BOTH, TURNING, turning)
+def plain_flight():
+    return flight(flown())
+
+
+@kind("a flight's rates in rad/s", BOTH, TURNING, turning)
+def flight_in_radians():
+    return flight(flown(units=math.pi / 180.0))
+
+
+@kind("a flight's rates with the sign of one axis wrong", BOTH, TURNING, turning)
+def flight_mirrored():
+    return flight(flown(units=np.array([1.0, 1.0, -1.0])))
+
+
+@kind("a flight's times in milliseconds, taken for seconds", BOTH, TURNING, turning)
+def flight_in_milliseconds():
+    return flight(flown(seconds=1000.0))
+
+
+@kind("a flight with iron beside its magnetometer", BOTH, TURNING, turning)
+def flight_with_iron():
+    return flight(flown(iron=15.0))
+
+
+@kind("a flight with a power cut of 30 s in its rotation", BOTH, TURNING, turning)
+def flight_cut():
+    columns = flown()
+    keep = (columns[0] < 170.0) | (columns[0] > 200.0)
+    return flight([each[keep] for each in columns])
+
+
+@kind("a flight's rotation beyond the full scale, which was given", (*BOTH, "--full-scale", "10"), TURNING, turning)
+def flight_saturated():
+    time, *rest = flown()
+    return flight([time, *(each.clip(-10.0, 10.0) for each in rest[:3]), *rest[3:]])
+
+
+@kind("a flight whose magnetometer hangs in the rotation", BOTH, TURNING, turning)
+def flight_hung():
+    columns = flown()
+    for each in columns[4:]:
+        each[1500:2000] = each[1500]
+    return flight(columns)
+
+
 # Gyroscope over temperature
 
 GYROSCOPE = ("gyroscope-temperature", "FILE", "--temperature", "T", "--means", "x", "--axes", "x", "--unit", "deg/s")
@@ -1335,6 +1413,160 @@ def battery_cold():
     return "".join(line.rpartition(",")[0] + ",\n" for line in battery_even().splitlines()).replace("I,", "I,T", 1)
 
 
+DRIFT = ("drift", "FILE", "--time", "1", "--temperature", "2", "--columns", "3", "--unit", "deg/s")
+PER_KELVIN = 0.01
+
+
+def slope(document):
+    """Return the drift of every axis in the first fragment."""
+    return [axis["slope"] for axis in document["fragments"][0]["axes"]]
+
+
+def warmed():
+    """Return time, temperature and rate of a sensor that heats by 30 K in 10 min, and cools again."""
+    time = times(1200, 2.0)
+    warm = 25.0 + 30.0 * np.sin(np.pi * time / 600.0)
+    return time, warm, PER_KELVIN * (warm - 25.0) + noise(1200, sigma=0.01)
+
+
+@kind("a drift of 0.01 deg/s/K, nothing ugly", DRIFT, PER_KELVIN, slope)
+def drift_even():
+    return table(*warmed(), head="t,T,x")
+
+
+@kind("a drift over kelvin", DRIFT, None, slope)
+def drift_kelvin():
+    time, warm, values = warmed()
+    return table(time, warm + 273.15, values, head="t,T,x")
+
+
+@kind("a drift over Fahrenheit that the column names", DRIFT, None, slope)
+def drift_fahrenheit():
+    time, warm, values = warmed()
+    return table(time, 1.8 * warm + 32.0, values, head="t,temp_F,x")
+
+
+@kind("a drift over raw counts of a thermometer", DRIFT, None, slope)
+def drift_counts():
+    time, warm, values = warmed()
+    return table(time, np.round(333.87 * (warm - 21.0)), values, head="t,T,x")
+
+
+@kind("a drift over a thermometer that froze after two minutes", DRIFT, None, slope)
+def drift_frozen():
+    time, warm, values = warmed()
+    return table(time, np.where(time < 120.0, warm, warm[240]), values, head="t,T,x")
+
+
+@kind("a drift of an axis that is stuck", DRIFT, None, slope)
+def drift_stuck():
+    time, warm, values = warmed()
+    return table(time, warm, 0.0 * values + 0.25, head="t,T,x")
+
+
+@kind("a drift whose log was torn off after a minute at one temperature", DRIFT, None, slope)
+def drift_torn():
+    time, warm, values = warmed()
+    return table(time[:120], warm[:120] * 0.01 + 24.0, values[:120], head="t,T,x")
+
+
+@kind("a drift with two gaps; the first fragment", DRIFT, PER_KELVIN, slope)
+def drift_gaps():
+    keep = np.r_[0:300, 420:800, 820:1200]
+    return table(*(each[keep] for each in warmed()), head="t,T,x")
+
+
+@kind("a drift with a reading of 25 deg/s in it", DRIFT, None, slope)
+def drift_spike():
+    time, warm, values = warmed()
+    values[700] = 25.0
+    return table(time, warm, values, head="t,T,x")
+
+
+LAMP = ("photodiode", "FILE", "--reading", "reading", "--unit", "V", "--temperature", "temp", "--load-column", "load")
+MONITORED = (*LAMP, "--light", "light")
+IDEALITY = 1.25
+
+
+def lamp_readings(**truth):
+    """Return readings [V], temperatures [degC], loads [ohm] and light of a photodiode over temperature."""
+    volts, degrees, loads, light, _ = photodiode_readings.campaign(17, count=450, **truth)
+    return volts, degrees, loads, light
+
+
+def lamp_table(volts, degrees, loads, light, head="reading,temp,load,light"):
+    return table(volts, degrees, loads, light, head=head)
+
+
+def ideality(document):
+    """Return the ideality factor."""
+    return [document["ideality"]]
+
+
+@kind("a photodiode over temperature, nothing ugly", MONITORED, IDEALITY, ideality)
+def lamp_good():
+    return lamp_table(*lamp_readings())
+
+
+@kind("a photodiode whose lamp wanders by 4 %, with a monitor", MONITORED, IDEALITY, ideality)
+def lamp_monitored():
+    return lamp_table(*lamp_readings(monitor=0.02))
+
+
+@kind("a photodiode whose lamp wanders by 4 %, without one", LAMP, IDEALITY, ideality)
+def lamp_unmonitored():
+    return lamp_table(*lamp_readings(monitor=0.02))
+
+
+@kind("a photodiode whose lamp loses a tenth of its light", MONITORED, IDEALITY, ideality)
+def lamp_droops():
+    volts, degrees, loads, light = lamp_readings()
+    return lamp_table(volts, degrees, loads, light * np.linspace(1.0, 0.9, light.size))
+
+
+@kind("a photodiode over kelvin", MONITORED, IDEALITY, ideality)
+def lamp_kelvin():
+    volts, degrees, loads, light = lamp_readings()
+    return lamp_table(volts, degrees + 273.15, loads, light)
+
+
+@kind("a photodiode over Fahrenheit", MONITORED, IDEALITY, ideality)
+def lamp_fahrenheit():
+    volts, degrees, loads, light = lamp_readings()
+    return lamp_table(volts, 1.8 * degrees + 32.0, loads, light)
+
+
+@kind("a photodiode in mV, called V", MONITORED, IDEALITY, ideality)
+def lamp_millivolts():
+    volts, degrees, loads, light = lamp_readings()
+    return lamp_table(1e3 * volts, degrees, loads, light)
+
+
+@kind("a photodiode that is shorted", MONITORED, IDEALITY, ideality)
+def lamp_shorted():
+    volts, degrees, loads, light = lamp_readings()
+    return lamp_table(1e-4 * volts, degrees, loads, light)
+
+
+@kind("a photodiode whose thermometer lags by 50 readings", MONITORED, IDEALITY, ideality)
+def lamp_lags():
+    volts, degrees, loads, light = lamp_readings()
+    return lamp_table(volts, np.roll(degrees, 50), loads, light)
+
+
+@kind("a photodiode at one load", MONITORED, IDEALITY, ideality)
+def lamp_one_load():
+    parts = lamp_readings()
+    return lamp_table(*(each[parts[2] == photodiode_readings.LOADS[0]] for each in parts))
+
+
+@kind("a photodiode with a reading that is no number", MONITORED, IDEALITY, ideality)
+def lamp_torn():
+    volts, degrees, loads, light = lamp_readings()
+    volts[700] = math.nan
+    return lamp_table(volts, degrees, loads, light)
+
+
 def all_said() -> dict[str, Said]:
     """Return what the commands say to every kind."""
     with tempfile.TemporaryDirectory() as folder:
@@ -1361,6 +1593,8 @@ def page(everything: dict[str, Said]) -> str:
         "  it: these are temperatures in degC as well.",
         "- Samples of 4 to 6 standard deviations, fewer than one in 200, in a record of a few thousand: noise without",
         "  them has as heavy tails now and then. White noise reads up to 9 % too high.",
+        "- A reference voltage of a converter that is wrong by 5 %: voltages and currents of a photodiode are wrong",
+        "  together. Measure it, and give `--reference-uncertainty`.",
         "",
         "| log | command | outcome | what is said |",
         "|---|---|---|---|",

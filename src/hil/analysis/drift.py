@@ -44,6 +44,7 @@ _CELLS, _FEWEST_CELLS = 8, 3  # of temperature, in which heating and cooling are
 _MOVING = 0.01  # of the fastest change: a slower one is neither heating nor cooling
 _ROUNDS, _SETTLED, _SHARE = 60, 1e-2, 0.05  # of the estimate of the noise; a smaller share costs no degree of freedom
 _HOUR = 3600.0
+_STANDS, _SHORTEST, _LONGEST = 20, 20, 1 / 3  # usual runs of one reading, samples, part of a record: longer is frozen
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -214,7 +215,24 @@ def _reason_of_temperature(temperature: _Array, binned: _Binned, least_range: fl
         if gate.ok is False:
             return f"temperature {gate.reason}"
     changed = float(np.ptp(binned.temperature))
+    if changed >= least_range and (told := _frozen(temperature)):
+        return told
     return f"the temperature changed by {changed:.2g} K only, {least_range:g} K are needed" * (changed < least_range)
+
+
+def _frozen(temperature: _Array) -> str:
+    """Return that a thermometer gives one reading for too long, empty where it does not.
+
+    One with coarse steps gives each for a while, so that a usual while is compared with.
+    """
+    edges = np.concatenate([[0], np.flatnonzero(np.diff(temperature)) + 1, [temperature.size]])
+    runs = np.diff(edges)
+    place, usual = int(runs.argmax()), float(np.median(runs))
+    longest = int(runs[place])
+    if longest <= max(_SHORTEST, min(_STANDS * usual, _LONGEST * temperature.size)):
+        return ""
+    stands = f"it reads {temperature[edges[place]]:.4g} degC for {longest} samples from sample {edges[place] + 1} on"
+    return f"the temperature is frozen: {stands}; if it was so, leave that part out"
 
 
 def _nothing(unit: str, reasons: Mapping[str, str], binned: _Binned) -> Drift:
@@ -279,7 +297,7 @@ class _Noise:
 
     def figure_of(self, weights: _Array, value: float, unit: str) -> Figure:
         """Return a weighted sum of the bins' means as a figure."""
-        shares = np.einsum("i,kij,j->k", weights, self.parts, weights)
+        shares = (self.parts @ weights) @ weights
         variance = float(shares @ self.levels)
         present = self.levels > _SHARE * self.levels.sum()
         if not variance > 0.0:
@@ -314,27 +332,27 @@ def _line(argument: _Array, number: NDArray[np.intp], value: _Array) -> _Line:
 def _noise(design: _Array, number: NDArray[np.intp], value: _Array) -> _Noise:
     """Estimate the noise of the means from what a linear model leaves, by restricted maximum likelihood.
 
-    Levels are multiplied by sqrt(y'P K P y / tr(P K)) until they settle, which keeps them above zero and the likelihood
-    rising (H. Zhou et al., J. Comput. Graph. Stat. 28, 2019).
+    That is the likelihood of contrasts y, in which the model is zero. With V their covariance and K the share of one
+    noise, levels are multiplied by sqrt(y'V^-1 K V^-1 y / tr(V^-1 K)) until they settle, which keeps them above zero
+    and the likelihood rising (H. Zhou et al., J. Comput. Graph. Stat. 28, 2019).
     """
     count, terms = design.shape
     parts = _parts(int(number[-1]) + 1)[:, number[:, np.newaxis], number]
-    left = value - design @ (np.linalg.pinv(design) @ value)
+    contrasts = np.linalg.qr(design, mode="complete")[0][:, terms:]
+    left, seen = contrasts.T @ value, contrasts.T @ parts @ contrasts
+    flat = seen.reshape(len(seen), -1)
     scale = float(left @ left) / (count - terms)
     levels = np.full(len(parts), max(scale, np.finfo(float).tiny) / len(parts))
-    projection = np.zeros((count, count))
+    inverse = np.zeros(seen.shape[1:])
     for _ in range(_ROUNDS):
-        inverse = np.linalg.inv(np.tensordot(levels, parts, 1))
-        seen = inverse @ design
-        projection = inverse - seen @ np.linalg.solve(design.T @ seen, seen.T)
-        weighted = projection @ left
-        found = np.einsum("i,kij,j->k", weighted, parts, weighted)
-        factor = np.sqrt(found / np.einsum("ij,kij->k", projection, parts))
+        inverse = np.linalg.inv((levels @ flat).reshape(inverse.shape))
+        weighted = inverse @ left
+        factor = np.sqrt((seen @ weighted) @ weighted / (flat @ inverse.ravel()))
         levels = levels * factor
         if bool(((np.abs(factor - 1.0) < _SETTLED) | (levels < _SETTLED * _SETTLED * levels.sum())).all()):
             break
-    seen_parts = projection @ parts
-    information = 0.5 * np.einsum("kij,lji->kl", seen_parts, seen_parts)
+    shown = inverse @ seen
+    information = 0.5 * shown.reshape(len(shown), -1) @ shown.transpose(0, 2, 1).reshape(len(shown), -1).T
     return _Noise(levels * (scale > 0.0), parts, information, count - terms)
 
 

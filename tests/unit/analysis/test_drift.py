@@ -161,3 +161,16 @@ def test_arrays_of_different_shapes_are_refused():
     """One of each per sample."""
     with pytest.raises(Refused, match="different shapes"):
         drift_of(TIME, HEATED[:-1], white(), "deg/s")
+
+
+@pytest.mark.parametrize(("step", "from_", "frozen"), [(0.01, 300, True), (1.0, 300, True), (1.0, 600, False)])
+def test_a_thermometer_that_freezes_tells_no_slope(step, from_, frozen):
+    """Also a coarse one, which gives each reading for a while when it is sound; the drift over time remains."""
+    time = np.arange(600.0)
+    degrees = np.round((25.0 + 30.0 * np.sin(np.pi * time / 600.0)) / step) * step
+    degrees[from_:] = degrees[from_ - 1]
+    found = drift_of(time, degrees, np.random.default_rng(4).normal(size=600), "uT")
+    assert (found.slope.status is FigureStatus.NOT_OBSERVABLE) == frozen
+    assert found.per_hour.status is FigureStatus.MEASURED
+    if frozen:
+        assert found.why("slope")[0].startswith("slope is not observable: the temperature is frozen: it reads ")

@@ -25,6 +25,8 @@ _Array: TypeAlias = NDArray[np.float64]
 TERMS: Mapping[str, int] = {"quantisation": 2, "white": 0, "flicker": -1, "random_walk": -2}
 """The fitted terms and the noise type of each."""
 
+_FLICKER, _WALK = (tuple(TERMS).index(name) for name in ("flicker", "random_walk"))
+
 _OFFERED = np.array(
     [[term in subset for term in range(4)] for size in (1, 2, 3, 4) for subset in combinations(range(4), size)]
 )
@@ -70,6 +72,8 @@ class Fit:
         offered: the squares with all terms in the fit, unconstrained; an unselected term may be negative.
         covariance: of `offered`, shape (4, 4).
         bound: upper bound of each square at 95 % confidence.
+        apart: standard deviations of the offered B^2 from zero, the fewer of those under the selected noise and under
+            the noise that fits best without flicker; infinite where random walk is selected beside it.
         selected: which terms the criterion kept.
         chi: root of chi-square per degree of freedom.
         tail: probability of a chi-square at least as large if the model is right.
@@ -79,6 +83,7 @@ class Fit:
     offered: _Array
     covariance: _Array
     bound: _Array
+    apart: float
     selected: tuple[bool, ...]
     chi: float
     tail: float
@@ -118,11 +123,10 @@ def fit(points: Points) -> Fit:
         points: what to fit; at least one point more than terms.
     """
     work = _work(points)
-    squares, covariance = _started(work), np.eye(points.m.size)
+    squares = plain = _started(work)
     for _ in range(3):
-        covariance = work.covariance(squares)
-        squares = _select(work, covariance)
-    return _judged(work, squares, work.covariance(squares))
+        squares, plain = _select(work, work.covariance(squares))
+    return _judged(work, squares, plain)
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,15 +189,16 @@ def _started(work: _Work) -> _Array:
     return np.array([0.0, ratio[0, 1], 0.0, ratio[-1, 3]]) / 2.0
 
 
-def _select(work: _Work, covariance: _Array) -> _Array:
-    """Return the squares of the subset with the smallest criterion."""
+def _select(work: _Work, covariance: _Array) -> tuple[_Array, _Array]:
+    """Return the squares of the subset with the smallest criterion, and of that among those without flicker."""
     white = np.linalg.inv(np.linalg.cholesky(covariance))
     squares, possible = _solved(work, white)
     model = np.where(possible[:, None], squares @ work.design.T, work.points.variance)
     residual = _normal(work.points.variance, model, covariance) @ white.T
     criterion = np.where(possible, np.square(residual).sum(axis=1) + _PENALTY * _OFFERED.sum(axis=1), math.inf)
-    best = int(np.argmin(criterion))
-    return np.asarray(squares[best], dtype=np.float64) if possible[best] else _started(work)
+    places = int(np.argmin(criterion)), int(np.argmin(np.where(_OFFERED[:, _FLICKER], math.inf, criterion)))
+    best, plain = (squares[each] if criterion[each] < math.inf else _started(work) for each in places)
+    return best, plain
 
 
 def _solved(work: _Work, white: _Array) -> tuple[_Array, NDArray[np.bool_]]:
@@ -231,6 +236,18 @@ def _estimator(design: _Array, model: _Array, lower: _Array) -> _Array:
     return np.asarray(found / scale[:, None] / model, dtype=np.float64)
 
 
+def _estimated(work: _Work, squares: _Array, covariance: _Array) -> tuple[_Array, _Array, _Array]:
+    """Return the estimator of all squares under some noise, the squares that it gives, and their covariance."""
+    model = work.design @ squares
+    estimator = _estimator(work.design, model, np.asarray(np.linalg.cholesky(covariance), dtype=np.float64))
+    weighted = estimator * model
+    return estimator, estimator @ work.points.variance, np.asarray(weighted @ covariance @ weighted.T, dtype=np.float64)
+
+
+def _sizes(offered: _Array, spread: _Array) -> _Array:
+    return np.asarray(offered / np.sqrt(np.diag(spread)), dtype=np.float64)
+
+
 def _misfit(variance: _Array, model: _Array, covariance: _Array) -> float:
     """Chi-square of the cube roots with their covariance."""
     residual = _normal(variance, model, covariance)
@@ -242,18 +259,18 @@ def _normal(variance: _Array, model: _Array, covariance: _Array) -> _Array:
     return np.asarray(3.0 * (np.cbrt(variance / model) - (1.0 - np.diag(covariance) / 9.0)), dtype=np.float64)
 
 
-def _judged(work: _Work, squares: _Array, covariance: _Array) -> Fit:
+def _judged(work: _Work, squares: _Array, plain: _Array) -> Fit:
     from scipy.special import gammaincc  # noqa: PLC0415 - scipy is slow to import
 
-    variance, design = work.points.variance, work.design
+    variance, design, covariance = work.points.variance, work.design, work.covariance(squares)
     model = design @ squares
     misfit = _misfit(variance, model, covariance)
     left = int(variance.size - np.count_nonzero(squares))
-    lower = np.asarray(np.linalg.cholesky(covariance), dtype=np.float64)
-    estimator = _estimator(design, model, lower)
-    offered = estimator @ variance
-    weighted = estimator * model
-    spread = np.asarray(weighted @ covariance @ weighted.T, dtype=np.float64)
+    estimator, offered, spread = _estimated(work, squares, covariance)
+    apart = np.full(squares.size, math.inf)
+    if squares[_FLICKER] and not squares[_WALK]:
+        under_other = _sizes(*_estimated(work, plain, work.covariance(plain))[1:])
+        apart = np.minimum(_sizes(offered, spread), under_other)
     bounds = [_bound(design, squares, estimator, covariance, float(offered[term]), term) for term in range(4)]
     taken = design[:, 0] * max(0.0, _ONE_SIDED * math.sqrt(spread[0, 0]) - float(offered[0]))
     return Fit(
@@ -261,6 +278,7 @@ def _judged(work: _Work, squares: _Array, covariance: _Array) -> Fit:
         offered=offered,
         covariance=spread,
         bound=np.minimum(_alone(variance, model, design, np.diag(covariance), taken), np.maximum(bounds, squares)),
+        apart=float(apart[_FLICKER]),
         selected=tuple((squares != 0.0).tolist()),
         chi=math.sqrt(misfit / left),
         tail=float(gammaincc(left / 2.0, misfit / 2.0)),

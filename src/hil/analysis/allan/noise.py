@@ -30,11 +30,13 @@ _GOOD_TAIL = 0.05  # that leaving out the shortest averaging times has to reach 
 _SLOWEST, _FASTEST = 1e-9, 1e12  # Hz; beyond them products of rates and averaging times leave the range of numbers
 _SMALLEST, _LARGEST = 1e-40, 1e40  # of a deviation whose fourth power, times those of rates, is a number
 _KNOWN = 2.0  # a measured square is at least twice its standard uncertainty
+_APART = 3.0  # standard deviations of the square of flicker from zero, where it stands in place of random walk
 _SURE = 0.995  # of a ramp that is measured, to either side
 _BENT = 20.0  # gain of a curve with which a line is not measured any more: one record in thirty without any has it
 _NO_NOISE = 1e-13  # of the largest sample: what rounding leaves of a straight line
 _WELL_KNOWN_DOF = 10.0  # of a deviation that may be the smallest: averaging times up to about an eighth of the record
 _SQUARES = tuple(allan_fit.TERMS)
+_FLICKER = _SQUARES.index("flicker")
 _FAST = (0, 1)  # of these: what the shortest averaging times show
 
 
@@ -61,8 +63,10 @@ def characterise(
     below 0.001, the shortest ones are left out until it is 0.05, up to half of the points, and then one more; if that
     does not help, the model is rejected. So is a fit that is too good, of a probability above 0.999.
 
-    A coefficient is MEASURED where the criterion keeps its term and its square is known to 50 % or better; else an
-    UPPER_LIMIT, whose value is a bound at 95 % confidence, and whose uncertainty is that of the estimate below it.
+    A coefficient is MEASURED where the criterion keeps its term and its square is known to 50 % or better, that of
+    flicker in place of random walk to a third, also where the points scatter as the best noise without flicker makes
+    them; else an UPPER_LIMIT, whose value is a bound at 95 % confidence, and whose uncertainty is that of the estimate
+    below it.
     Flicker, random walk and ramp are also limits where the record shows a curve, or where white noise with a curve
     explains it as well, and random walk where flicker with a curve does (`curves.slow`). Quantisation is NOT_OBSERVABLE
     where a filter may hide it. Degrees of freedom are those of a chi-square with the relative spread of the square.
@@ -267,7 +271,8 @@ def _figure(found: allan_fit.Fit, term: int, unit: str, rejected: bool, doubted:
         return Figure(value=math.sqrt(max(0.0, float(found.squares[term]))), unit=unit, status=_REJECTED)
     status = FigureStatus.MEASURED
     wider = math.hypot(uncertainty, 2.0 * math.sqrt(max(0.0, square)) * left / math.sqrt(3.0))
-    if doubted or not (found.squares[term] > 0.0 and square >= _KNOWN * wider):
+    known = square >= _KNOWN * wider and (term != _FLICKER or found.apart >= _APART)
+    if doubted or not (found.squares[term] > 0.0 and known):
         square, status, left = float(found.bound[term]), FigureStatus.UPPER_LIMIT, 0.0
     value = math.sqrt(square)
     parts = [((uncertainty / (2.0 * value)) ** 2, 2.0 * (square / uncertainty) ** 2), (left**2 / 3.0, math.inf)]

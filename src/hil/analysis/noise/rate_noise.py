@@ -73,6 +73,9 @@ class RateNoise:
         """
         if first < self.gone:
             raise ValueError(f"sample {first} has gone; the present block begins at {self._number * BLOCK}")
+        place = first - self.gone
+        if self._number >= 0 and place + count <= BLOCK:
+            return self._values[place : place + count].copy()
         parts = []
         end = first + count
         while first < end:
