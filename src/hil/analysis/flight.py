@@ -1,0 +1,270 @@
+"""Flight logs: what each phase at rest or in rotation shows of a gyroscope and a magnetometer, and how good it is."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hil.analysis import quality
+from hil.analysis.allan.noise import characterise
+from hil.analysis.extremes import saturated
+from hil.analysis.gates import Facts, Gate, factor_of, finite, present, repeated, stuck
+from hil.analysis.motion import AXES, FEWEST, SURE, Kind, Run, motions
+from hil.analysis.statistics import mean, not_observable
+from hil.model.errors import Refused
+from hil.model.figure import Figure
+
+__all__ = ["Flight", "Phase", "flight_phases"]
+
+_NOISE = 500  # samples at rest from which white noise is told
+_TURNS = 3.0  # turns from which the field tells a rate
+_FLAT = 0.1  # of its radius, off the plane: a field that leaves it more does not turn about one axis
+_RIPPLE = 0.03  # of the field, rms: a calibrated magnetometer in a field that stays shows less
+_OFF = 0.1  # by which both sensors may differ: scale, alignment and iron that nobody has calibrated
+
+_Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Phase:
+    """A part of a log in which one thing happened.
+
+    Attributes:
+        kind: what happened.
+        first, last: its samples, counted from 0.
+        begin, end: when, in s after the first sample; to within a window.
+        rates: mean rate of each axis as read: at rest the bias.
+        white: white noise of each axis at rest, two-sided, as the Allan deviation tells it; not observable elsewhere.
+        turning: mean magnitude of the rate without the bias.
+        field: mean magnitude of the field, None without a magnetometer.
+        ripple: standard deviation of that magnitude, relative; calibrated magnetometers show little in a rotation.
+        turns: how often the field turned about one axis, not observable where it turned otherwise or too little.
+        agreement: turns of the rates over turns of the field, less 1.
+        gates: every gate with its answer.
+        remark: what is odd, in a sentence, or empty.
+    """
+
+    kind: Kind
+    first: int
+    last: int
+    begin: float
+    end: float
+    rates: tuple[Figure, ...] = ()
+    white: tuple[Figure, ...] = ()
+    turning: Figure | None = None
+    field: Figure | None = None
+    ripple: Figure | None = None
+    turns: Figure | None = None
+    agreement: Figure | None = None
+    gates: tuple[Gate, ...] = ()
+    remark: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Flight:
+    """What a flight log shows.
+
+    Attributes:
+        unit: of the rates.
+        window: length of a window in s, which is how well beginnings and ends are known.
+        bias: of each axis, the median of the windows at rest; zeros if it never was at rest.
+        noise: of a sample of each axis, standard deviation.
+        phases: in order of time.
+        remarks: in sentences.
+    """
+
+    unit: str
+    window: float
+    bias: tuple[float, ...]
+    noise: tuple[float, ...]
+    phases: tuple[Phase, ...]
+    remarks: tuple[str, ...]
+
+
+def flight_phases(  # noqa: PLR0913 - two sensors, each with what is known of it
+    rates: ArrayLike,
+    rate: float,
+    unit: str,
+    *,
+    still: float,
+    radians: float,
+    field: ArrayLike | None = None,
+    field_unit: str = "uT",
+    window: float = 2.0,
+    shortest: float = 10.0,
+    facts: Facts | None = None,
+    field_facts: Facts | None = None,
+) -> Flight:
+    """Find the phases of a flight log, and judge each.
+
+    Args:
+        rates: of the gyroscope, shape (n, 3), evenly spaced; NaN where a sample is missing.
+        rate: samples per second.
+        unit: of the rates.
+        still: what a bias may change by within the log, in `unit`: slower turns are told by the field alone.
+        radians: how many rad/s one `unit` is, NaN if that is not known.
+        field: of the magnetometer, shape (n, 3), at the same times.
+        field_unit: of the field.
+        window: in s.
+        shortest: phase that is told, in s.
+        facts, field_facts: what is known of the sensors, for the gates.
+
+    Raises:
+        Refused: no log that can be cut into ten windows.
+    """
+    table = np.asarray(rates, dtype=np.float64)
+    vectors = None if field is None else np.asarray(field, dtype=np.float64)
+    width = max(FEWEST, round(window * rate))
+    if table.shape[0] < FEWEST * width:
+        raise Refused(
+            f"{table.shape[0] / rate:.4g} s are less than {FEWEST} windows of {width / rate:.3g} s",
+            "take a longer log, or a shorter window",
+        )
+    seen = motions(table, vectors, width, still=still, shortest=max(1, round(shortest * rate / width)))
+    logged = _Logged(
+        rates=table, field=vectors, rate=rate, unit=unit, field_unit=field_unit, radians=radians, bias=seen.bias,
+        facts=facts or Facts(), field_facts=field_facts or Facts(),
+    )  # fmt: skip
+    phases = [logged.phase(each) for each in seen.runs]
+    return Flight(
+        unit=unit,
+        window=width / rate,
+        bias=tuple(seen.bias.tolist()),
+        noise=tuple(seen.noise.tolist()),
+        phases=tuple(phases),
+        remarks=tuple(_remarks(calm=seen.calm, alone=vectors is None, still=f"{still:g} {unit}")),
+    )
+
+
+def _remarks(*, calm: bool, alone: bool, still: str) -> Iterator[str]:
+    if not calm:
+        yield "nothing was at rest: the rates hold the bias"
+    if alone:
+        yield f"without a magnetometer a steady turn of less than {still} is taken for rest"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Logged:
+    """The whole log, from which phases are judged."""
+
+    rates: _Array
+    field: _Array | None
+    rate: float
+    unit: str
+    field_unit: str
+    radians: float
+    bias: _Array
+    facts: Facts
+    field_facts: Facts
+
+    def phase(self, run: Run) -> Phase:
+        """Return what happened in a run."""
+        kind, first, after = run.kind, run.first, run.after
+        bare = Phase(kind=kind, first=first, last=after - 1, begin=first / self.rate, end=after / self.rate)
+        if kind is Kind.MISSING:
+            return bare
+        part = self.rates[first:after]
+        away = np.sqrt(np.square(part - self.bias).sum(axis=1))
+        found = replace(
+            bare,
+            rates=tuple(mean(present(column), self.unit) for column in part.T),
+            white=tuple(self._white(column) for column in part.T) if kind is Kind.REST else (),
+            turning=mean(present(away), self.unit),
+            gates=_gates("rate", part, self.facts, self.rate, at_rest=kind is Kind.REST),
+        )
+        return found if self.field is None else self._with_field(found, self.field[first:after], still=run.still_field)
+
+    def _white(self, column: _Array) -> Figure:
+        if present(column).size < _NOISE:
+            return not_observable(f"{self.unit}/sqrt(Hz)")
+        return characterise(column, self.rate, self.unit, holes=True).white
+
+    def _with_field(self, found: Phase, vectors: _Array, *, still: bool) -> Phase:
+        size = present(np.sqrt(np.square(vectors).sum(axis=1)))
+        middle = mean(size, self.field_unit)
+        ripple = float(size.std()) / middle.value if middle.value > 0.0 else math.nan
+        turns, agreement = self._turned(found, vectors)
+        return replace(
+            found,
+            field=middle,
+            ripple=Figure(value=ripple, unit="1"),
+            turns=turns,
+            agreement=agreement,
+            gates=(
+                *found.gates,
+                *_gates("field", vectors, self.field_facts, self.rate, at_rest=found.kind is Kind.REST),
+                _agrees(agreement),
+            ),
+            remark=_odd(found.kind, still_field=still, turned=turns.value, ripple=ripple),
+        )
+
+    def _turned(self, found: Phase, vectors: _Array) -> tuple[Figure, Figure]:
+        """Return how often the field turned about one axis, and turns of the rates over it, less 1.
+
+        The plane of the turn is that of the two largest principal components; nothing of the gyroscope goes into it.
+        """
+        nothing = not_observable("1"), not_observable("1")
+        rates = self.rates[found.first : found.last + 1] - self.bias
+        whole = np.isfinite(vectors).all(axis=1) & np.isfinite(rates).all(axis=1)
+        if found.kind is Kind.REST or whole.sum() < FEWEST or not whole.mean() > 0.99:
+            return nothing
+        arm = vectors[whole] - vectors[whole].mean(axis=0)
+        _, sizes, axes = np.linalg.svd(arm, full_matrices=False)
+        if not sizes[1] > 0.5 * sizes[0] or sizes[2] > _FLAT * sizes[0]:
+            return nothing
+        angle = np.unwrap(np.arctan2(arm @ axes[1], arm @ axes[0]))
+        seconds = np.flatnonzero(whole) / self.rate
+        # The field turns against the sensor; a right-handed normal makes both signs one.
+        normal = np.cross(axes[0], axes[1])
+        about = -(rates[whole] @ normal) * self.radians
+        turned = np.concatenate(([0.0], np.cumsum((about[1:] + about[:-1]) / 2.0 * np.diff(seconds))))
+        total = float(angle[-1] - angle[0])
+        if abs(total) < _TURNS * 2.0 * math.pi:
+            return nothing
+        turns = Figure(value=abs(total) / (2.0 * math.pi), unit="1")
+        if not math.isfinite(self.radians):
+            return turns, not_observable("1")
+        factor, offset = np.polyfit(angle, turned, 1)
+        rms = float(np.std(turned - factor * angle - offset))
+        # The rest is no noise: it comes back with every turn, so that only its ends count.
+        return turns, Figure(value=float(factor) - 1.0, unit="1", uncertainty=math.sqrt(2.0) * rms / abs(total))
+
+
+def _odd(kind: Kind, *, still_field: bool, turned: float, ripple: float) -> str:
+    if kind is Kind.ROTATION and still_field:
+        return "the field stands still: a turn about it, or a bias that drifted"
+    if kind is Kind.UNSTEADY and turned > 0.0:
+        return "the field turns, and the rates say little of it"
+    if kind is not Kind.REST and ripple > _RIPPLE:
+        return f"the field's magnitude varies by {ripple:.1%}, rms, as it turns: calibrate the magnetometer"
+    return ""
+
+
+def _gates(sensor: str, part: _Array, facts: Facts, rate: float, *, at_rest: bool) -> tuple[Gate, ...]:
+    """Ask what a phase reads: all gates of a log at rest, or those that a turn can be asked."""
+    whole = part[np.isfinite(part).all(axis=1)]
+    channels = {f"{sensor} {axis}": np.ascontiguousarray(whole[:, place]) for place, axis in enumerate(AXES)}
+    infinite = [
+        finite(f"{sensor} {axis}", column[~np.isnan(column)]) for axis, column in zip(AXES, part.T, strict=True)
+    ]
+    if at_rest:
+        return (*infinite, *quality.read(channels, facts, rate))
+    each = [gate for name, values in channels.items() for gate in (stuck(name, values), saturated(name, values, facts))]
+    return (*infinite, repeated(channels), *each)
+
+
+def _agrees(agreement: Figure) -> Gate:
+    """Trip where rates and field tell different turns, and name the factor if it is known."""
+    name, ratio = "agrees", 1.0 + agreement.value
+    if not math.isfinite(ratio):
+        return Gate(name=name, channel="", ok=None, reason="no turn about one axis that the field could tell")
+    reason = f"the rates turn {ratio:.4g} times as far as the field"
+    known = factor_of(abs(ratio))
+    ok = abs(ratio - 1.0) <= max(_OFF, SURE * (agreement.uncertainty or 0.0))
+    if ratio < 0.0 and abs(ratio + 1.0) <= _OFF:
+        known = "the axes of one sensor are left-handed, or one sign is wrong"
+    return Gate(name=name, channel="", ok=ok, reason=f"{reason}: {known}" if known and not ok else reason)

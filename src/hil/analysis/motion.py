@@ -1,0 +1,196 @@
+"""Motion in a log: when a gyroscope and a magnetometer were at rest, when they turned, and when they were shaken.
+
+Nobody noted when a satellite or a balloon was at rest: the readings must tell. They are cut into windows of equal
+length. A window is quiet where every axis scatters as little as the sensor's own noise, and the field stands still
+where its vector does. A steady spin is quiet as well: only the field, or a rate beyond what a bias may be, tells it
+from rest.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from itertools import groupby
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["AXES", "FEWEST", "SURE", "Kind", "Motions", "Run", "motions"]
+
+AXES = ("x", "y", "z")
+FEWEST = 10
+"""Samples of a window, and windows of a log."""
+SURE = 5.0
+"""Standard deviations beyond which a difference is no chance."""
+
+_QUIETEST = 0.2  # of the windows: what scatters as little as these is noise
+_LOUDER = 1.6  # times the noise: what scatters less is noise as well
+_MOVED = 0.01  # of the field: it drifts by less while nothing turns
+_ANOTHER = 0.3  # of a rate, by which it changes at once where another turn begins
+
+_Array = NDArray[np.float64]
+
+
+class Kind(StrEnum):
+    """What happened in a phase."""
+
+    REST = "rest"
+    ROTATION = "rotation"
+    UNSTEADY = "unsteady"
+    MISSING = "missing"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Run:
+    """Samples in which one thing happened, from `first` to before `after`; whether the field stood still meanwhile."""
+
+    kind: Kind
+    first: int
+    after: int
+    still_field: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Motions:
+    """What moved in a log.
+
+    Attributes:
+        bias: of the rates, shape (3,): the median of the windows at rest, zeros if nothing was at rest.
+        noise: standard deviation of a sample of the rates, shape (3,).
+        calm: whether anything was at rest.
+        runs: in order of time, without gaps.
+    """
+
+    bias: _Array
+    noise: _Array
+    calm: bool
+    runs: tuple[Run, ...]
+
+
+def motions(rates: _Array, field: _Array | None, width: int, *, still: float, shortest: int) -> Motions:
+    """Tell rest from motion.
+
+    Args:
+        rates: of the gyroscope, shape (n, 3), evenly spaced; NaN where a sample is missing.
+        field: of the magnetometer, shape (n, 3), at the same times.
+        width: samples of a window; n is ten times that at least.
+        still: what a bias may change by, in the unit of the rates.
+        shortest: windows of a run that is told.
+    """
+    seen = _Windows.cut(rates, field, width)
+    quiet, moves = seen.quiet(), seen.moves()
+    calm = quiet & ~moves & (np.abs(seen.means).max(axis=1) <= still if field is None else True)
+    bias = np.median(seen.means[calm], axis=0) if calm.any() else np.zeros(len(AXES))
+    away = np.sqrt(np.square(seen.means - bias).sum(axis=1))
+    sure = SURE * np.sqrt(np.square(np.maximum(seen.spreads, seen.noise)).sum(axis=1) / width)
+    turns = (away > np.maximum(still, sure)) | (quiet & moves & (away > sure))
+    order = (Kind.MISSING, Kind.ROTATION, Kind.REST, Kind.UNSTEADY)
+    kinds = [order[place] for place in np.argmax([seen.missing, turns, quiet & ~moves, np.ones_like(turns)], axis=0)]
+    found = _merged(list(zip(kinds, _cuts(seen.means - bias), strict=True)), shortest)
+    runs = tuple(
+        Run(
+            kind=kind,
+            first=begin * width,
+            after=len(rates) if end == len(kinds) else end * width,
+            still_field=field is not None and not bool(moves[begin:end].mean() > 0.5),
+        )
+        for kind, begin, end in found
+    )
+    return Motions(bias=bias, noise=seen.noise, calm=bool(calm.any()), runs=runs)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Windows:
+    """Means (w, 3), scatters (w, 3) and noise (3,) of the rates, and the same of the field; which windows lack half.
+
+    `trimmed` is the scatter without the sample that is farthest away: a spike is no motion.
+    """
+
+    means: _Array
+    spreads: _Array
+    trimmed: _Array
+    noise: _Array
+    missing: NDArray[np.bool_]
+    width: int
+    field: _Windows | None = None
+
+    @classmethod
+    def cut(cls, table: _Array, field: _Array | None, width: int) -> _Windows:
+        """Cut a table into windows; the rows after the last whole one belong to it, and play no part here."""
+        count = len(table) // width
+        parts = table[: count * width].reshape(count, width, len(AXES))
+        here = np.isfinite(parts)
+        missing = (here.sum(axis=1) < width / 2).any(axis=1)
+        parts, here = np.where(missing[:, None, None], 0.0, parts), here | missing[:, None, None]
+        means = np.nanmean(parts, axis=1)
+        squares = np.nan_to_num(np.square(parts - means[:, None, :]))
+        dof = here.sum(axis=1) - 1
+        spreads = np.sqrt(squares.sum(axis=1) / dof)
+        trimmed = np.sqrt(np.maximum(squares.sum(axis=1) - squares.max(axis=1), 0.0) / (dof - 1))
+        means[missing] = np.nan
+        told = spreads[~missing] if (~missing).any() else spreads
+        noise = np.quantile(told, _QUIETEST, axis=0) / _quantile(width - 1, _QUIETEST)
+        other = None if field is None else cls.cut(field, None, width)
+        if other is not None:
+            missing = missing | other.missing
+        return cls(
+            means=means, spreads=spreads, trimmed=trimmed, noise=noise, missing=missing, width=width, field=other
+        )
+
+    def quiet(self) -> NDArray[np.bool_]:
+        """Where no axis scatters by more than its noise."""
+        limit = max(_LOUDER, _quantile(self.width - 1, 1.0 - 1e-6))
+        return (self.trimmed <= limit * self.noise).all(axis=1) & ~self.missing
+
+    def moves(self) -> NDArray[np.bool_]:
+        """Where the vector of the field moves, within a window or from its neighbours."""
+        if self.field is None:
+            return np.zeros(len(self.means), dtype=bool)
+        its = self.field
+        around = np.pad(its.means, ((1, 1), (0, 0)), mode="edge")
+        away = np.abs(around[2:] - around[:-2]).max(axis=1)
+        least = _MOVED * float(np.median(np.sqrt(np.square(its.means[~its.missing]).sum(axis=1)), axis=0))
+        limit = max(least, SURE * float(its.noise.max()) * math.sqrt(2.0 / self.width))
+        moved: NDArray[np.bool_] = (~its.quiet() | (away > limit)) & ~self.missing
+        return moved
+
+
+def _quantile(dof: int, share: float) -> float:
+    """Return a quantile of the standard deviation of noise, relative to it."""
+    from scipy.special import chdtri  # noqa: PLC0415 - slow to import
+
+    return math.sqrt(float(chdtri(dof, 1.0 - share)) / dof)
+
+
+def _cuts(turning: _Array) -> list[int]:
+    """Return by window how often the rate has changed at once by a third before: one turn ends, and another begins."""
+    step = np.sqrt(np.square(turning[2:] - turning[:-2]).sum(axis=1))
+    size = np.sqrt(np.square(turning).sum(axis=1))
+    change = step > _ANOTHER * np.maximum(size[2:], size[:-2])
+    cuts = np.concatenate(([0], np.cumsum(np.diff(change.astype(int), prepend=0) > 0), [0]))
+    cuts[-1] = cuts[-2]
+    return [int(each) for each in cuts]
+
+
+def _merged(windows: Sequence[tuple[Kind, int]], shortest: int) -> list[tuple[Kind, int, int]]:
+    """Return kind, first window and the one after the last of each phase.
+
+    A rest that is too short belongs to what moved beside it, a motion that is too short to a longer motion beside it;
+    one within a rest is told, as unsteady. Only a rotation ends where another begins.
+    """
+    keys = [(kind, cut if kind is Kind.ROTATION else 0) for kind, cut in windows]
+    runs: list[tuple[tuple[Kind, int], int, int]] = []
+    for key, group in groupby(keys):
+        begin = runs[-1][2] if runs else 0
+        runs.append((key, begin, begin + len(list(group))))
+    long = {place for place, (_, begin, end) in enumerate(runs) if end - begin >= shortest}
+    named: list[tuple[Kind, int]] = []
+    for place, (key, _, _) in enumerate(runs):
+        beside = [*named[-1:], *(runs[near][0] for near in (place + 1,) if near in long)]
+        moving = [each for each in beside if each[0] in {Kind.ROTATION, Kind.UNSTEADY}]
+        named.append(key if place in long or key[0] is Kind.MISSING else (*moving, (Kind.UNSTEADY, 0))[0])
+    begins = [runs[place][1] for place, key in enumerate(named) if not place or named[place - 1] != key]
+    kinds = [key[0] for key, _ in groupby(named)]
+    return list(zip(kinds, begins, [*begins[1:], len(windows)], strict=True))
