@@ -22,7 +22,7 @@ def named(board):
 
 def attach(operator, board):
     """Ask for one outer board on the jig."""
-    operator.attach(
+    operator.connect(
         board,
         f"Connect the coil of board {board}: ADCS pin to relay a, VCC_MAG pin to relay b, outer face to the sensor",
         name="outer-board",

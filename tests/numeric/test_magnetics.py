@@ -105,6 +105,7 @@ def test_two_repetitions_allow_for_the_slope_that_they_cannot_judge():
     assert response.component("y").uncertainty == pytest.approx(math.sqrt(spread / 2 + spread * 2 / 3 / 4.5))
 
 
+@pytest.mark.system
 @pytest.mark.parametrize(("repetitions", "seed"), [(2, 11), (3, 12), (6, 13)])
 def test_intervals_of_the_odd_part_cover(repetitions, seed):
     """95 % intervals hold the coil's field 95 times in 100, under noise and drift, from two repetitions on."""
@@ -118,6 +119,7 @@ def test_intervals_of_the_odd_part_cover(repetitions, seed):
     assert_coverage(hits, 3 * rounds)
 
 
+@pytest.mark.system
 @pytest.mark.parametrize(("tilt", "seed"), [(20.0, 21), (90.0, 22), (165.0, 23)])
 def test_intervals_of_the_angle_cover(tilt, seed):
     """95 % intervals of an angle hold the true one 95 times in 100, away from 0 and 180 deg."""
@@ -156,6 +158,7 @@ def test_uncertainty_of_the_angle_is_its_slope_times_the_covariance():
     assert found.dof == pytest.approx(8)
 
 
+@pytest.mark.system
 def test_angle_near_zero_is_not_claimed_too_well():
     """An aligned coil, whose measured angle is noise alone, stays inside its interval at least as often as stated."""
     generator = np.random.default_rng(31)

@@ -235,6 +235,60 @@ def test_a_cone_is_inconclusive(method, half_angle, varies):
         assert {figure.status for figure in figures} == {FigureStatus.NOT_OBSERVABLE}
 
 
+@pytest.mark.parametrize(("method", "shape"), [*((method, "general") for method in METHODS), ("ellipsoid", "auto")])
+@pytest.mark.parametrize("count", [10, 12, 15, 20, 24])
+def test_a_cone_of_few_readings_is_inconclusive(method, shape, count):
+    """Few readings reach few cells of any sphere; here they all lie within 60 degrees of one direction."""
+    for seed in sweeps.sample(range(200), 8):
+        generator = np.random.default_rng(seed)
+        height, turn = generator.uniform(0.5, 1.0, count), generator.uniform(0.0, 2.0 * math.pi, count)
+        across = np.sqrt(1.0 - height**2)
+        directions = np.stack([across * np.cos(turn), across * np.sin(turn), height], axis=1)
+        directions = directions @ np.linalg.qr(generator.standard_normal((3, 3)))[0]
+        field = orbit(generator, count) if method != "ellipsoid" else np.full(count, FIELD)
+        readings = recorded(generator, directions, field)
+        known = field if method != "ellipsoid" else None
+        report = calibrate_magnetometer(readings, "uT", field=known, method=method, shape=shape)
+        assert not report.conclusive  # mostly by coverage; a wrong ellipsoid may reach all of the sphere
+
+
+@pytest.mark.parametrize("stated", [NOISE, None])
+def test_the_bias_follows_the_temperature(stated):
+    """Slopes of bias over temperature within their uncertainties, and the bias where the readings were in the mean."""
+    slope, pulls = np.array([0.35, -0.5, 0.08]), []
+    for seed in sweeps.sample(range(200), 10):
+        generator = np.random.default_rng(seed)
+        field, degrees = orbit(generator, 300), np.linspace(-10.0, 45.0, 300) + generator.normal(0.0, 1.0, 300)
+        readings = recorded(generator, sphere(generator, 300), field) + np.outer(degrees - degrees.mean(), slope)
+        report = calibrate_magnetometer(readings, "uT", field=field, shape="general", noise=stated, temperature=degrees)
+        assert report.conclusive
+        found = report.calibration
+        assert found.warmth.reference == pytest.approx(degrees.mean(), abs=0.5)
+        figures = [*found.drifts.values(), *found.biases.values()]
+        truth = [*slope, *(BIAS + slope * (found.warmth.reference - degrees.mean()))]
+        pulls += [(figure.value - true) / figure.uncertainty for figure, true in zip(figures, truth, strict=True)]
+        corrected = np.linalg.norm(found.correct(readings, degrees), axis=1) - field
+        assert corrected == pytest.approx(report.residual, abs=1e-9)
+    assert np.sqrt(np.mean(np.square(pulls))) == pytest.approx(1.0, abs=3.0 / math.sqrt(2.0 * len(pulls)))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_heading_is_as_uncertain_as_it_says(seed):
+    """Calibrated directions are off by about the stated angle, and before by far more."""
+    generator = np.random.default_rng(seed)
+    directions = sphere(generator, 400)
+    readings = recorded(generator, directions, np.full(400, FIELD))
+    report = calibrate_magnetometer(readings, "uT", field=FIELD, shape="general")
+    clean = report.calibration.correct(FIELD * directions @ np.linalg.inv(GAIN) + BIAS)
+    clean /= np.linalg.norm(clean, axis=1)[:, None]
+    off = np.degrees(np.arcsin(np.linalg.norm(np.cross(clean, directions), axis=1)))
+    assert 0.2 * report.heading.value < np.sqrt(np.mean(off**2)) < 2.0 * report.heading.value < 0.3
+    before = readings / np.linalg.norm(readings, axis=1)[:, None]
+    worst = np.degrees(np.arccos(np.einsum("ij,ij->i", before, directions).min()))
+    assert report.uncalibrated.value == pytest.approx(worst, abs=1.0)
+
+
+@pytest.mark.system
 @pytest.mark.parametrize("method", METHODS)
 def test_uncertainties_cover_the_truth_as_they_claim(method):
     """Of 68 % and 95 % intervals of bias, matrix and field so many hold the truth; 6 in 9 count as independent."""

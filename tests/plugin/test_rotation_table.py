@@ -9,6 +9,8 @@ import sweeps
 from rotation_bench import rotation_workspace
 from told_as_json import bodies
 
+pytestmark = pytest.mark.system  # each test is a whole run
+
 REQUIREMENTS = """\
 - {id: T-010, rev: 1, text: The rate shall be what was asked for., kind: limit, method: test,
    limits: [{parameter: rate, unit: deg/s, min: "29.9", max: "30.1", decision: guarded}]}

@@ -89,6 +89,9 @@ def test_a_field_that_varies_is_no_constant_one():
         (READINGS, {"method": "magcal"}, "no method magcal"),
         (READINGS, {"field": [48.0, 47.0]}, "one magnitude for each"),
         (READINGS, {"field": -48.0}, "not above zero"),
+        (READINGS, {"noise": 0.0}, "noise of 0"),
+        (READINGS, {"temperature": [20.0]}, "1 temperatures for 120"),
+        (READINGS, {"temperature": np.full(120, 300.0)}, "no number of degC"),
         (READINGS * math.nan, {}, "not a finite number"),
     ],
 )
@@ -114,6 +117,34 @@ def test_the_export_gives_back_the_samples():
     document = json.loads(text)
     assert document["unit"] == "uT"
     assert "positive-definite" in document["identifiability"]
+
+
+def test_a_stated_noise_is_used_and_held_against_the_residuals():
+    """Uncertainties follow from it; residuals that are far larger trip the gate."""
+    calm = calibrate_magnetometer(READINGS, "uT", field=48.0, noise=0.2)
+    assert calm.calibration.biases["x"].dof == math.inf
+    assert calm.calibration.biases["x"].uncertainty > 1.7 * REPORT.calibration.biases["x"].uncertainty
+    assert calm.noise.value == REPORT.noise.value
+    loud = calibrate_magnetometer(READINGS, "uT", field=48.0, noise=0.03)
+    assert [gate.name for gate in loud.gates if not gate.ok] == ["noise"]
+    assert loud.calibration.biases["x"].uncertainty == REPORT.calibration.biases["x"].uncertainty
+
+
+def test_temperatures_tag_or_slope():
+    """Over less than five kelvin the calibration is tagged; over more it has a slope, that its exports carry."""
+    steady = calibrate_magnetometer(READINGS, "uT", field=48.0, temperature=np.linspace(24.0, 26.0, 120)).calibration
+    assert (steady.warmth.low, steady.warmth.high, steady.drifts) == (24.0, 26.0, {})
+    assert steady.bias == REPORT.calibration.bias
+    degrees = np.linspace(0.0, 40.0, 120)
+    warm = calibrate_magnetometer(READINGS + 0.1 * degrees[:, None], "uT", field=48.0, temperature=degrees)
+    again = magnetometer_from_json(magnetometer_as_json(warm.calibration))
+    assert again.warmth.drift == pytest.approx((0.1, 0.1, 0.1), abs=0.005)
+    assert not sample_disagreement(again, warm, READINGS + 0.1 * degrees[:, None], 48.0, degrees)
+    assert sample_disagreement(again, warm, READINGS + 0.1 * degrees[:, None], 48.0)
+    header = magnetometer_as_c_header(warm.calibration)
+    assert "magnetometer_drift[3]" in header
+    assert "#define MAGNETOMETER_REFERENCE_TEMPERATURE 20" in header
+    assert magnetometer_from_json(magnetometer_as_json(steady)).warmth == steady.warmth
 
 
 @pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")

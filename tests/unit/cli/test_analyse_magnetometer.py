@@ -119,6 +119,25 @@ def test_a_full_scale_and_rows_without_numbers_are_told(tmp_path):
     assert "note: 1 row holds no finite number in a column, and is left out" in result.stdout
 
 
+def test_noise_and_temperature_are_taken(tmp_path):
+    """A slope of the bias from a column, and a noise that the residuals contradict."""
+    rows = np.loadtxt(TABLE, delimiter=",", skiprows=1)
+    degrees = np.linspace(5.0, 45.0, len(rows))
+    rows[:, 0] += 0.2 * (degrees - 25.0)
+    table, export = tmp_path / "warm.csv", tmp_path / "c.json"
+    np.savetxt(table, np.column_stack([rows, degrees]), delimiter=",", header="x,y,z,field,T", comments="")
+    result = run(
+        table, *KNOWN, "--temperature", "T", "--noise", "0.3", "--export", export, "--plot", tmp_path / "p.svg"
+    )
+    assert result.return_value == 0
+    assert "drift      of the bias x 0." in result.stdout
+    assert "deg in the worst direction" in result.stdout
+    assert magnetometer_from_json(export.read_text(encoding="utf-8")).warmth.drift[0] == pytest.approx(0.2, abs=0.01)
+    document = json.loads(run(table, *KNOWN, "--temperature", "T", "--noise", "0.05", "--json").stdout)
+    assert document["drift"]["x"]["unit"] == "uT/K"
+    assert ("noise", False) in [(gate["name"], gate["ok"]) for gate in document["gates"]]
+
+
 @pytest.mark.parametrize(
     ("options", "told"),
     [

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hil.analysis.gates import Gate, numbers
+from hil.analysis.gates import Gate
 from hil.analysis.interchange import Matrix
+from hil.analysis.magnetometer import gating, warmth
 from hil.analysis.magnetometer.calibration import IDENTIFIABLE, Calibration
 from hil.analysis.magnetometer.geometry import (
     BASES,
-    CELLS,
-    WHOLE,
     Array,
     Estimate,
     Linearised,
@@ -38,11 +37,15 @@ METHODS = ("ellipsoid", "likelihood", "twostep")
 SHAPES = ("auto", *BASES)
 """What the gain may be: chosen by evidence, a number, diagonal, or symmetric."""
 
-_COVERED, _RANDOM = 0.45, 0.8  # share of cells; and of those that as many random directions would reach
-_CONDITION = 1000.0  # of the Fisher matrix
-_UNCERTAIN = 0.05  # of the field: a bias less certain is not observable
-_SCATTER = 0.05  # of the field, rms: residuals that are not noise of the sensor
-_REJECTED = 0.1  # of the readings
+
+def _spiral(count: int) -> Array:
+    """Return directions (count, 3) all over the sphere, on a spiral of the golden angle."""
+    height = 1.0 - (2.0 * np.arange(count) + 1.0) / count
+    turn, across = np.arange(count) * math.pi * (3.0 - math.sqrt(5.0)), np.sqrt(1.0 - np.square(height))
+    return np.stack([across * np.cos(turn), across * np.sin(turn), height], axis=1)
+
+
+_ALL_OVER = _spiral(40)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -55,6 +58,9 @@ class MagnetometerReport:
         residual: (n,), magnitude of the calibrated reading minus that of the field, of all readings, in their unit.
         outliers: places of the readings that were left out, counted from 0.
         coverage: share of 48 cells of equal area on the sphere that calibrated readings reach.
+        heading: standard uncertainty of a calibrated direction in deg, in the worst direction, from those of bias and
+            matrix; without a rotation of all directions together, which magnitudes do not show.
+        uncalibrated: the largest angle in deg between a reading and what the calibration makes of it.
         condition: of the Fisher matrix, 2.5 for a general ellipsoid and directions all over the sphere.
         gates: what was asked of the result, and the answers.
         identifiability: what these data cannot show, however good they are.
@@ -66,6 +72,8 @@ class MagnetometerReport:
     residual: Array
     outliers: tuple[int, ...]
     coverage: Figure
+    heading: Figure
+    uncalibrated: Figure
     condition: Figure
     gates: tuple[Gate, ...]
     identifiability: str
@@ -85,6 +93,8 @@ def calibrate_magnetometer(
     field: ArrayLike | None = None,
     method: Method | None = None,
     shape: Shape | None = None,
+    noise: float | None = None,
+    temperature: ArrayLike | None = None,
 ) -> MagnetometerReport:
     """Fit bias and matrix of a magnetometer to readings in many attitudes; the attitudes need not be known.
 
@@ -106,8 +116,10 @@ def calibrate_magnetometer(
     s² H^-1 J'W²diag(|G u|²)J H^-1 with H = J'WJ, W the weights of the fit and s² = sum (r / |G u|)² / (n - k)
     (`geometry`); for `ellipsoid` and `twostep` with what they neglect of the noise added.
 
+    With the temperature of the sensor at each reading the bias may follow it in a straight line (see `warmth`).
+
     Gates: `ellipsoid`, `converged`, `coverage`, `condition` and `bias` (its uncertainty) make the figures
-    NOT_OBSERVABLE; `scatter` and `outliers` speak against the recording.
+    NOT_OBSERVABLE; `scatter`, `noise` and `outliers` speak against the recording.
 
     Args:
         readings: shape (n, 3), in `unit`, all finite.
@@ -115,18 +127,28 @@ def calibrate_magnetometer(
         field: known magnitude at each reading, shape (n,), or one for all; None if it is constant and not known.
         method: `likelihood` if None, but `ellipsoid` without a known field.
         shape: `auto` if None, but `general` for `twostep`.
+        noise: standard deviation of the sensor's noise along each axis in `unit`, None to take it from the residuals.
+            Uncertainties follow from it, or from the residuals where these are larger; the gate `noise` compares them.
+        temperature: of the sensor at each reading in degC, shape (n,); None if it is not known.
 
     Raises:
         Refused: too few readings, numbers that are not finite, or options that do not go together.
     """
     given, method, shape = _checked(readings, field, method, shape)
+    if noise is not None and not (math.isfinite(noise) and noise > 0.0):
+        raise Refused(f"a noise of {noise} is not above zero", "give its standard deviation, or leave it out")
+    degrees = None if temperature is None else warmth.checked(temperature, len(given.field))
     start = started(given)
     kept, estimate = settled(given, start, method, "general" if shape == "auto" else shape)
     if shape == "auto":
         shape = chosen(given.part(kept), estimate)
         if shape != "general":
             kept, estimate = settled(given, estimate, method, shape)
-    return _report(given, kept, estimate, unit, (method, shape))
+    drift = warmth.NONE
+    if degrees is not None and estimate.physical:
+        drift = warmth.fitted(given, degrees, kept, estimate, (method, shape))
+        given, kept, estimate = drift.at_reference(given), drift.kept, drift.estimate
+    return _report(given, kept, estimate, unit, (method, shape), noise, drift)
 
 
 def _checked(
@@ -158,27 +180,69 @@ def _checked(
 
 
 def _report(
-    given: Given, kept: NDArray[np.bool_], estimate: Estimate, unit: str, how: tuple[Method, Shape]
+    given: Given,
+    kept: NDArray[np.bool_],
+    estimate: Estimate,
+    unit: str,
+    how: tuple[Method, Shape],
+    noise: float | None,
+    drift: warmth.Drift,
 ) -> MagnetometerReport:
     if not estimate.physical:
         return _nothing(given, unit, how, estimate)
     method, shape = how
     basis, inliers = BASES[shape], given.part(kept)
-    about = linearised(inliers.readings, inliers.field, estimate, basis)
-    dof = float(len(inliers.field) - len(about.jacobian))
-    variance = float(np.square(about.residual / about.spread).sum()) / dof
-    covariance = _covariance(about, basis, variance, method)
-    condition, covered = fisher_condition(about.direction, inliers.field, basis), coverage(about.direction)
+    about = drift.with_slopes(linearised(inliers.readings, inliers.field, estimate, basis))
+    freedom = float(len(inliers.field) - len(about.jacobian))
+    found = math.sqrt(float(np.square(about.residual / about.spread).sum()) / freedom)
+    used, dof = (noise, math.inf) if noise is not None and noise >= found else (found, freedom)
+    covariance, slopes = _covariance(about, basis, used**2, method)
+    condition = fisher_condition(about.direction, inliers.field, basis)
     scale = 1.0 if given.known else 1.0 / typical(estimate.gain)
     field = float(inliers.field.mean()) * scale
     gates = (
-        Gate(name="ellipsoid", channel="", ok=True, reason="the readings lie on an ellipsoid"),
-        _gate("converged", estimate.converged, f"the fit took {estimate.iterations} steps", "it did not come to rest"),
-        _covered(covered, len(inliers.field)),
-        _conditioned(condition),
-        _certain(covariance, field / scale / typical(estimate.gain)),
+        *gating.shown(about.direction, condition, estimate),
+        gating.certain(covariance, field / scale / typical(estimate.gain)),
     )
-    calibration = Calibration(
+    observable = all(gate.ok for gate in gates)
+    calibration = _calibration(given, estimate, unit, how, (field, scale), covariance, dof)
+    calibration = replace(calibration, observable=observable, warmth=drift.told(slopes))
+    residual = (lengths((given.readings - estimate.bias) @ estimate.gain) - given.field) * scale
+    outliers = tuple(np.flatnonzero(~kept).tolist())
+    heading = _heading(covariance if observable else None, estimate.gain, float(inliers.field.mean()), dof)
+    as_stated = () if noise is None else (gating.noisy(found, noise, freedom),)
+    return MagnetometerReport(
+        calibration=calibration,
+        noise=Figure(value=found, unit=unit, uncertainty=found / math.sqrt(2.0 * freedom), dof=freedom),
+        residual=residual,
+        outliers=outliers,
+        coverage=Figure(value=coverage(about.direction), unit="1", uncertainty=0.0),
+        heading=heading,
+        uncalibrated=_turned(inliers.readings, about.direction, heading),
+        condition=Figure(value=condition, unit="1", uncertainty=0.0),
+        gates=(
+            *gates,
+            gating.scatter(residual[kept], field, known=given.known),
+            *as_stated,
+            gating.outlying(outliers, len(given.field)),
+        ),
+        identifiability=IDENTIFIABLE,
+        iterations=estimate.iterations,
+    )
+
+
+def _calibration(
+    given: Given,
+    estimate: Estimate,
+    unit: str,
+    how: tuple[Method, Shape],
+    scaled: tuple[float, float],
+    covariance: Array | None,
+    dof: float,
+) -> Calibration:
+    """Return the calibration of an estimate, with the magnitude of the field and the scale of the gain."""
+    field, scale = scaled
+    return Calibration(
         unit=unit,
         bias=tuple(estimate.bias.tolist()),
         matrix=tuple(map(tuple, (estimate.gain * scale).tolist())),
@@ -186,47 +250,25 @@ def _report(
         absolute=given.known,
         covariance=None if covariance is None else _completed(covariance, estimate.gain, scale, known=given.known),
         dof=dof,
-        method=method,
-        shape=shape,
-        observable=all(gate.ok for gate in gates),
-    )
-    residual = (lengths((given.readings - estimate.bias) @ estimate.gain) - given.field) * scale
-    outliers = tuple(np.flatnonzero(~kept).tolist())
-    noise = math.sqrt(variance)
-    return MagnetometerReport(
-        calibration=calibration,
-        noise=Figure(value=noise, unit=unit, uncertainty=noise / math.sqrt(2.0 * dof), dof=dof),
-        residual=residual,
-        outliers=outliers,
-        coverage=Figure(value=covered, unit="1", uncertainty=0.0),
-        condition=Figure(value=condition, unit="1", uncertainty=0.0),
-        gates=(*gates, _scatter(residual[kept], field, known=given.known), _outlying(outliers, len(given.field))),
-        identifiability=IDENTIFIABLE,
-        iterations=estimate.iterations,
+        method=how[0],
+        shape=how[1],
+        observable=False,
     )
 
 
 def _nothing(given: Given, unit: str, how: tuple[Method, Shape], estimate: Estimate) -> MagnetometerReport:
     """Return the report of readings that lie on no ellipsoid."""
     reason = "the readings lie on no ellipsoid: measure attitudes all over the sphere, and look for a disturbed field"
-    calibration = Calibration(
-        unit=unit,
-        bias=(math.nan,) * 3,
-        matrix=((math.nan,) * 3,) * 3,
-        field=math.nan,
-        absolute=given.known,
-        covariance=None,
-        dof=math.inf,
-        method=how[0],
-        shape=how[1],
-        observable=False,
-    )
+    nowhere = replace(estimate, bias=np.full(3, math.nan), gain=np.full((3, 3), math.nan))
+    calibration = _calibration(given, nowhere, unit, how, (math.nan, 1.0), None, math.inf)
     return MagnetometerReport(
         calibration=calibration,
         noise=not_observable(unit),
         residual=np.full(len(given.field), math.nan),
         outliers=(),
         coverage=not_observable("1"),
+        heading=not_observable("deg"),
+        uncalibrated=not_observable("deg"),
         condition=not_observable("1"),
         gates=(Gate(name="ellipsoid", channel="", ok=False, reason=reason),),
         identifiability=IDENTIFIABLE,
@@ -234,8 +276,10 @@ def _nothing(given: Given, unit: str, how: tuple[Method, Shape], estimate: Estim
     )
 
 
-def _covariance(about: Linearised, basis: Array, variance: float, method: Method) -> Array | None:
+def _covariance(about: Linearised, basis: Array, variance: float, method: Method) -> tuple[Array | None, Array | None]:
     """Return the covariance (9, 9) of bias and gain for noise of a variance along each axis, None if it is singular.
+
+    Beside it stands that of the slopes over temperature (3, 3), None where there are none.
 
     The ellipsoid and TWOSTEP neglect terms of second order in the noise. By how much these move the result one step of
     the likelihood shows; its square is added.
@@ -248,13 +292,43 @@ def _covariance(about: Linearised, basis: Array, variance: float, method: Method
         neglected = efficient @ (about.residual - variance * about.curvature)
         shift = np.linalg.solve(efficient @ about.jacobian.T, neglected)
     except np.linalg.LinAlgError:
-        return None
+        return None, None
     small = variance * (estimator * square) @ estimator.T
     if method != "likelihood":
         small += np.outer(shift, shift)
-    spread = np.zeros((9, len(small)))
+    own = 3 + basis.shape[1]
+    spread = np.zeros((9, own))
     spread[:3, :3], spread[3:, 3:] = np.eye(3), basis
-    return np.asarray(spread @ small @ spread.T)
+    return np.asarray(spread @ small[:own, :own] @ spread.T), small[own:, own:] if len(small) > own else None
+
+
+def _heading(covariance: Array | None, gain: Array, field: float, dof: float) -> Figure:
+    """Return the standard uncertainty in deg of a calibrated direction, in the worst of directions all over the sphere.
+
+    y = G (x - b), so that dy = -G db + dG (x - b); across y it is an angle of |dy| / |y|.
+    """
+    if covariance is None or not np.isfinite(covariance).all():
+        return not_observable("deg")
+    change = np.zeros((len(_ALL_OVER), 3, 9))
+    change[:, :, :3] = -gain
+    reading = field * np.linalg.solve(gain, _ALL_OVER.T).T
+    for place, (row, column) in enumerate(((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)), start=3):
+        change[:, row, place] = reading[:, column]
+        change[:, column, place] = reading[:, row]
+    along = np.einsum("ni,nij->nj", _ALL_OVER, change)
+    change -= _ALL_OVER[:, :, np.newaxis] * along[:, np.newaxis, :]
+    worst = float(np.linalg.eigvalsh(change @ covariance @ change.transpose(0, 2, 1))[:, -1].max())
+    angle = math.degrees(math.sqrt(worst) / field)
+    return Figure(value=angle, unit="deg", uncertainty=angle / math.sqrt(2.0 * dof), dof=dof)
+
+
+def _turned(readings: Array, direction: Array, heading: Figure) -> Figure:
+    """Return the largest angle between readings and directions, both (n, 3), as certain as these are."""
+    if not math.isfinite(heading.value):
+        return heading
+    along = np.einsum("ij,ij->i", readings, direction) / lengths(readings)
+    angle = math.degrees(math.acos(min(1.0, max(-1.0, float(along.min())))))
+    return Figure(value=angle, unit="deg", uncertainty=heading.value)
 
 
 def _completed(covariance: Array, gain: Array, scale: float, *, known: bool) -> Matrix:
@@ -269,59 +343,3 @@ def _completed(covariance: Array, gain: Array, scale: float, *, known: bool) -> 
         change[9, 3:] = -scale / 3.0 * trace
         change[3:9, 3:] = scale * np.eye(6) + np.outer(upper(gain), change[9, 3:])
     return tuple(map(tuple, (change @ covariance @ change.T).tolist()))
-
-
-def _gate(name: str, ok: bool, told: str, wrong: str, samples: tuple[int, ...] = ()) -> Gate:
-    return Gate(name=name, channel="", ok=ok, reason=told if ok else f"{told}; {wrong}", samples=samples)
-
-
-def _covered(share: float, count: int) -> Gate:
-    least = min(_COVERED, _RANDOM * (1.0 - (1.0 - 1.0 / CELLS) ** count))
-    return _gate(
-        "coverage",
-        share >= least,
-        f"the directions reach {share:.0%} of the sphere",
-        f"at least {least:.0%} are needed: measure attitudes all over the sphere",
-    )
-
-
-def _conditioned(condition: float) -> Gate:
-    return _gate(
-        "condition",
-        condition <= _CONDITION,
-        f"the condition of the Fisher matrix is {condition:.3g}, where a whole sphere gives {WHOLE:g} or less",
-        f"at most {_CONDITION:g} is accepted: measure attitudes all over the sphere",
-    )
-
-
-def _certain(covariance: Array | None, field: float) -> Gate:
-    """Ask for the least certain direction of the bias, against the field in the sensor's unit."""
-    known = covariance is not None and bool(np.isfinite(covariance).all())
-    largest = math.sqrt(max(0.0, float(np.linalg.eigvalsh(covariance[:3, :3])[-1]))) if known else math.inf  # type: ignore[index]
-    return _gate(
-        "bias",
-        largest <= _UNCERTAIN * field,
-        f"the bias is uncertain by {largest / field:.2g} of the field",
-        f"at most {_UNCERTAIN:g} is accepted: measure attitudes all over the sphere",
-    )
-
-
-def _scatter(residual: Array, field: float, *, known: bool) -> Gate:
-    rms = math.sqrt(float(np.square(residual).mean())) / field
-    cause = "the known magnitude is not that of these readings" if known else "the magnitude is not constant"
-    return _gate(
-        "scatter",
-        rms <= _SCATTER,
-        f"calibrated magnitudes differ from the field by {rms:.2%} of it, rms",
-        f"more than {_SCATTER:.0%} is no noise of a sensor: {cause}, or the surroundings disturb it",
-    )
-
-
-def _outlying(outliers: tuple[int, ...], count: int) -> Gate:
-    return _gate(
-        "outliers",
-        len(outliers) <= _REJECTED * count,
-        f"{len(outliers)} of {count} readings are outliers and left out",
-        f"more than {_REJECTED:.0%} is no accident: look for a disturbed field",
-        numbers(np.array(outliers, dtype=np.intp)),
-    )

@@ -14,7 +14,7 @@ from hil.analysis.statistics import not_observable
 from hil.analysis.tracing import traced
 from hil.model.figure import Figure
 
-__all__ = ["AXES", "IDENTIFIABLE", "Calibration"]
+__all__ = ["AXES", "IDENTIFIABLE", "Calibration", "Warmth"]
 
 AXES = ("x", "y", "z")
 """The axes of the sensor, in the order of every vector."""
@@ -29,6 +29,25 @@ IDENTIFIABLE = (
 _PLACES = {(0, 0): 3, (1, 1): 4, (2, 2): 5, (0, 1): 6, (0, 2): 7, (1, 2): 8}
 _FIELD = 9
 _ROUNDING = 1e-12  # of a value: what is certain by construction is not known any better
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Warmth:
+    """The temperatures of a calibration's readings, and how its bias follows them.
+
+    Attributes:
+        reference: the temperature in degC at which the bias is stated.
+        low: the lowest temperature of the readings in degC.
+        high: the highest.
+        drift: change of the bias by axis, in the unit of the readings per K; None if the readings show none.
+        spread: its standard uncertainty by axis.
+    """
+
+    reference: float
+    low: float
+    high: float
+    drift: tuple[float, ...] | None = None
+    spread: tuple[float, ...] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,6 +67,7 @@ class Calibration:
         method: `ellipsoid`, `likelihood` or `twostep`.
         shape: `sphere`, `aligned` or `general`.
         observable: whether the readings show the numbers; where not, every figure says so and nothing is exported.
+        warmth: the temperatures of the readings, None if they are not known; then the bias has no slope.
     """
 
     unit: str
@@ -60,18 +80,41 @@ class Calibration:
     method: str
     shape: str
     observable: bool
+    warmth: Warmth | None = None
 
     @traced
-    def correct(self, measured: ArrayLike) -> NDArray[np.float64]:
-        """Return fields (n, 3) for readings (n, 3), both in `unit`."""
-        return np.asarray((np.asarray(measured, dtype=np.float64) - self.bias) @ np.array(self.matrix).T)
+    def correct(self, measured: ArrayLike, temperature: ArrayLike | None = None) -> NDArray[np.float64]:
+        """Return fields (n, 3) for readings (n, 3), both in `unit`.
+
+        Args:
+            measured: the readings.
+            temperature: of the sensor at each of them in degC, shape (n,) or one; the reference temperature if None.
+        """
+        bias = np.array(self.bias)
+        if temperature is not None and self.warmth is not None and self.warmth.drift is not None:
+            warmer = np.asarray(temperature, dtype=np.float64) - self.warmth.reference
+            bias = bias + np.multiply.outer(warmer, np.array(self.warmth.drift))
+        return np.asarray((np.asarray(measured, dtype=np.float64) - bias) @ np.array(self.matrix).T)
 
     @property
+    @traced
+    def drifts(self) -> Mapping[str, Figure]:
+        """The change of the bias per K by axis; empty if the readings show none."""
+        if self.warmth is None or self.warmth.drift is None or self.warmth.spread is None:
+            return {}
+        unit, pairs = f"{self.unit}/K", zip(AXES, self.warmth.drift, self.warmth.spread, strict=True)
+        if not self.observable:
+            return {axis: not_observable(unit, value) for axis, value, _ in pairs}
+        return {axis: Figure(value=value, unit=unit, uncertainty=spread, dof=self.dof) for axis, value, spread in pairs}
+
+    @property
+    @traced
     def biases(self) -> Mapping[str, Figure]:
         """The bias by axis."""
         return {axis: self._figure(self.bias[place], self.unit, place) for place, axis in enumerate(AXES)}
 
     @property
+    @traced
     def elements(self) -> Mapping[str, Figure]:
         """The matrix by its elements xx, yy, zz, xy, xz and yz."""
         return {
@@ -80,6 +123,7 @@ class Calibration:
         }
 
     @property
+    @traced
     def expected_field(self) -> Figure:
         """The magnitude of calibrated readings; exact where it was known."""
         return self._figure(self.field, self.unit, _FIELD)

@@ -21,6 +21,7 @@ __all__ = [
     "Linearised",
     "coverage",
     "fisher_condition",
+    "gathered",
     "lengths",
     "linearised",
     "root",
@@ -29,6 +30,8 @@ __all__ = [
 ]
 
 Array: TypeAlias = NDArray[np.float64]
+
+_CAP_STEPS, _CENTRAL = 200, 0.02  # steps towards the cap's axis; a length below is none: the cap is the sphere
 
 _PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 _ROWS, _COLUMNS = (np.array(each) for each in zip(*_PAIRS, strict=True))
@@ -163,6 +166,19 @@ def coverage(direction: Array) -> float:
     turn = np.arctan2(direction[:, 1], direction[:, 0]) / (2.0 * math.pi) % 1.0
     place = np.cumsum((0, *_SECTORS))[ring] + np.minimum((turn * sectors).astype(int), sectors - 1)
     return np.unique(place).size / CELLS
+
+
+def gathered(direction: Array) -> float:
+    """Return the cosine of the half angle of the narrowest cap of the sphere that holds all directions (n, 3).
+
+    The cap's axis is that of the point of the directions' convex hull next to the origin, found by the steps of
+    M. Badoiu and K. L. Clarkson, Smaller Core-Sets for Balls, SODA 2003. It is -1 where no cap but the sphere does.
+    """
+    axis = direction.mean(axis=0)
+    for step in range(2, _CAP_STEPS):
+        axis = axis + (direction[int(np.argmin(direction @ axis))] - axis) / step
+    length = math.sqrt(float(axis @ axis))
+    return float((direction @ axis).min()) / length if length > _CENTRAL else -1.0
 
 
 def fisher_condition(direction: Array, field: Array, basis: Array) -> float:

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from hil.analysis import interchange
 from hil.analysis.magnetometer.calibrate import MagnetometerReport
-from hil.analysis.magnetometer.calibration import AXES, IDENTIFIABLE, Calibration
+from hil.analysis.magnetometer.calibration import AXES, IDENTIFIABLE, Calibration, Warmth
 from hil.analysis.magnetometer.geometry import lengths
 from hil.analysis.tracing import traced
 from hil.model.errors import Refused
@@ -21,17 +21,19 @@ __all__ = [
     "magnetometer_as_c_header",
     "magnetometer_as_json",
     "magnetometer_from_json",
+    "magnetometer_reproduction",
     "sample_disagreement",
 ]
 
 FORMAT = "hil/magnetometer-calibration/1"
 """What the document's `schema` says."""
 
+_CERTAIN = 6  # digits of a covariance: more differ from one linear algebra to another
 _PRINTED = 1e-6  # of the field: what nine printed digits may change, with room
 
 
 def as_document(calibration: Calibration) -> dict[str, object]:
-    """Return the calibration as plain data, its numbers with 9 significant digits, and its fingerprint.
+    """Return the calibration as plain data with its fingerprint: 9 significant digits, 6 of the covariance.
 
     Raises:
         Refused: a calibration that its readings do not show.
@@ -55,8 +57,17 @@ def as_document(calibration: Calibration) -> dict[str, object]:
             "method": exported.method,
             "shape": exported.shape,
             "identifiability": IDENTIFIABLE,
+            **({} if exported.warmth is None else {"temperature": _told(exported.warmth)}),
         }
     )
+
+
+def _told(warmth: Warmth) -> Mapping[str, object]:
+    """Return the temperatures as plain data; bias(T) = bias + drift (T - reference), T in degC."""
+    told: dict[str, object] = {"reference": warmth.reference, "low": warmth.low, "high": warmth.high}
+    if warmth.drift is not None and warmth.spread is not None:
+        told |= {"drift": list(warmth.drift), "uncertainty": list(warmth.spread)}
+    return told
 
 
 def _printed(calibration: Calibration) -> Calibration:
@@ -65,6 +76,19 @@ def _printed(calibration: Calibration) -> Calibration:
         bias=tuple(map(interchange.short, calibration.bias)),
         matrix=tuple(tuple(map(interchange.short, row)) for row in calibration.matrix),
         field=interchange.short(calibration.field),
+        covariance=calibration.covariance
+        and tuple(tuple(float(f"{each:.{_CERTAIN}g}") for each in row) for row in calibration.covariance),
+        warmth=None if calibration.warmth is None else _short(calibration.warmth),
+    )
+
+
+def _short(warmth: Warmth) -> Warmth:
+    return Warmth(
+        reference=interchange.short(warmth.reference),
+        low=interchange.short(warmth.low),
+        high=interchange.short(warmth.high),
+        drift=warmth.drift and tuple(map(interchange.short, warmth.drift)),
+        spread=warmth.spread and tuple(map(interchange.short, warmth.spread)),
     )
 
 
@@ -102,7 +126,18 @@ def _calibration(document: Mapping[str, object]) -> Calibration:
         method=str(document["method"]),
         shape=str(document["shape"]),
         observable=True,
+        warmth=_warmth(document["temperature"]) if "temperature" in document else None,
     )
+
+
+def _warmth(told: object) -> Warmth:
+    if not isinstance(told, Mapping):
+        raise TypeError("the temperature is not an object")
+    reference, low, high = (interchange.number(told[name]) for name in ("reference", "low", "high"))
+    if "drift" not in told:
+        return Warmth(reference=reference, low=low, high=high)
+    drift, spread = interchange.matrix([told["drift"], told["uncertainty"]])
+    return Warmth(reference=reference, low=low, high=high, drift=drift, spread=spread)
 
 
 _FORM = """\
@@ -111,7 +146,7 @@ _FORM = """\
  * field[i] = sum over j of magnetometer_matrix[i][j] * (measured[j] - magnetometer_bias[j])
  *
  * measured, bias and field in {unit}, matrix without a unit; axes {axes} of the sensor.
- * {scale}
+ * {scale}{warm}
  * A rotation of the sensor against the body is not part of it: magnitudes do not show one.
  */
 #ifndef MAGNETOMETER_CALIBRATION_H
@@ -124,7 +159,7 @@ _FORM = """\
 static const double magnetometer_bias[3] = {{{bias}}};
 static const double magnetometer_matrix[3][3] = {{
 {matrix}
-}};
+}};{drift}
 
 #endif
 """
@@ -143,10 +178,22 @@ def magnetometer_as_c_header(calibration: Calibration) -> str:
     scale = "The magnitude of the field was known: MAGNETOMETER_FIELD is its mean."
     if not exported.absolute:
         scale = "The scale is not known: the matrix has determinant 1, and MAGNETOMETER_FIELD is what it gives."
+    warm = drift = ""
+    if exported.warmth is not None:
+        span = f"{interchange.literal(exported.warmth.low)} to {interchange.literal(exported.warmth.high)} degC"
+        warm = f"\n * The readings were taken at {span}."
+        if exported.warmth.drift is not None:
+            warm += "\n * To the bias at T degC add magnetometer_drift[j] * (T - MAGNETOMETER_REFERENCE_TEMPERATURE)."
+            slopes = ", ".join(map(interchange.literal, exported.warmth.drift))
+            reference = interchange.literal(exported.warmth.reference)
+            drift = f"\n\n#define MAGNETOMETER_REFERENCE_TEMPERATURE {reference}"
+            drift += f"\nstatic const double magnetometer_drift[3] = {{{slopes}}};"
     return _FORM.format(
         unit=exported.unit,
         axes=", ".join(AXES),
         scale=scale,
+        warm=warm,
+        drift=drift,
         fingerprint=fingerprint,
         field=interchange.literal(exported.field),
         bias=", ".join(map(interchange.literal, exported.bias)),
@@ -155,8 +202,24 @@ def magnetometer_as_c_header(calibration: Calibration) -> str:
 
 
 @traced
+def magnetometer_reproduction(
+    exported: Calibration,
+    report: MagnetometerReport,
+    readings: ArrayLike,
+    field: ArrayLike | None = None,
+    temperature: ArrayLike | None = None,
+) -> str:
+    """Return `reproduced` if an export gives back the readings that it was made from, else `sample_disagreement`."""
+    return sample_disagreement(exported, report, readings, field, temperature) or "reproduced"
+
+
+@traced
 def sample_disagreement(
-    exported: Calibration, report: MagnetometerReport, readings: ArrayLike, field: ArrayLike | None = None
+    exported: Calibration,
+    report: MagnetometerReport,
+    readings: ArrayLike,
+    field: ArrayLike | None = None,
+    temperature: ArrayLike | None = None,
 ) -> str:
     """Return how a calibration, as exported and read back, misses the readings that it was made from; empty if not.
 
@@ -167,9 +230,10 @@ def sample_disagreement(
         report: of the same readings.
         readings: shape (n, 3).
         field: as it was given to the fit.
+        temperature: likewise.
     """
     known = exported.field if field is None else np.asarray(field, dtype=np.float64)
-    apart = np.abs(lengths(exported.correct(readings)) - known - report.residual)
+    apart = np.abs(lengths(exported.correct(readings, temperature)) - known - report.residual)
     worst = int(np.argmax(apart))
     if apart[worst] <= _PRINTED * exported.field:
         return ""

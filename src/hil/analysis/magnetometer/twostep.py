@@ -21,6 +21,7 @@ __all__ = ["centred", "fit"]
 _MOST_STEPS = 50
 _HALVINGS = 10
 _RESTING = 1e-10  # of the square of a standard deviation: a step that nobody sees
+_UNSEEN = 1e-6  # likewise, of a step that cannot reduce the sum of squares any more: only rounding is left
 _ROUNDING = 1e-12  # of the effective measurements: what double precision leaves of residuals
 
 
@@ -99,11 +100,12 @@ def fit(readings: Array, field: Array, start: Estimate, variance: Array, mean: f
         gradient = equations.fisher @ theta - equations.target - equations.total * equations.apart(theta) * slope
         change = -np.asarray(np.linalg.lstsq(curvature, gradient, rcond=None)[0], dtype=np.float64)
         scatter = _scatter(readings, field, theta, mean, variance) / freedom
-        if float(change @ curvature @ change) <= max(_RESTING * scatter, floor):
+        size = float(change @ curvature @ change)
+        if size <= max(_RESTING * scatter, floor):
             return _estimate(theta + change, converged=True, steps=steps)
         moved = _reduced(equations, theta, change)
         if moved is None:
-            return _estimate(theta, converged=False, steps=steps)
+            return _estimate(theta, converged=size <= _UNSEEN * scatter, steps=steps)
         theta = moved
     return _estimate(theta, converged=False, steps=_MOST_STEPS)
 

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 
 import click
 
+from hil.cli.analyses.exports import export_options, write_exports
 from hil.cli.analyses.log import named_units
-from hil.cli.options import unit_option
+from hil.cli.options import JSON, plot_option, unit_option
 from hil.model.errors import HilError, Refused
 
 if TYPE_CHECKING:
@@ -27,10 +28,11 @@ _SHAPES = ("auto", "sphere", "aligned", "general")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Recorded:
-    """Readings (n, 3) and, where they are known, magnitudes (n,) in one unit; gates and remarks about them."""
+    """Readings (n, 3) and, where they are known, magnitudes and temperatures (n,); gates and remarks about them."""
 
     readings: NDArray[np.float64]
     field: NDArray[np.float64] | None
+    temperature: NDArray[np.float64] | None
     gates: tuple[Gate, ...]
     remarks: tuple[str, ...]
 
@@ -45,16 +47,19 @@ class _Recorded:
 @click.option("--field-column", metavar="COLUMN", help="Column of known magnitudes, by number or name.")
 @unit_option("--field-unit", help="Unit of the known magnitudes; that of the readings by default.")
 @click.option(
+    "--noise", type=float, metavar="VALUE", help="Known noise along each axis, standard deviation, in --unit."
+)
+@click.option(
+    "--temperature", metavar="COLUMN", help="Column of the sensor's temperature in degC: the bias may follow it."
+)
+@click.option(
     "--method", type=click.Choice(_METHODS), help="The fit; likelihood with a known field, else ellipsoid by default."
 )
 @click.option("--shape", type=click.Choice(_SHAPES), help="What the matrix may be; by default the data choose it.")
 @click.option("--full-scale", type=float, metavar="VALUE", help="Largest reading of either sign, in --unit.")
-@click.option("--plot", type=click.Path(path_type=Path), metavar="FILE", help="Draw the residuals: .svg or .png.")
-@click.option("--export", type=click.Path(path_type=Path), metavar="FILE", help="Write the calibration as JSON.")
-@click.option(
-    "--c-header", type=click.Path(path_type=Path), metavar="FILE", help="Write the calibration as a C header."
-)
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON document and nothing else.")
+@plot_option("the residuals")
+@export_options
+@JSON
 def magnetometer(  # noqa: PLR0913 - one argument per option
     *,
     file: Path,
@@ -65,6 +70,8 @@ def magnetometer(  # noqa: PLR0913 - one argument per option
     field: float | None,
     field_column: str | None,
     field_unit: str | None,
+    noise: float | None,
+    temperature: str | None,
     method: str | None,
     shape: str | None,
     full_scale: float | None,
@@ -87,31 +94,48 @@ def magnetometer(  # noqa: PLR0913 - one argument per option
     from hil.analysis.magnetometer.calibrate import calibrate_magnetometer  # noqa: PLC0415 - start-up stays light
     from hil.cli.analyses import magnetometer_text  # noqa: PLC0415 - start-up stays light
 
+    names = _three(columns)
+    _agree(scale, scaled_unit, field, field_column)
+    found = scaled_unit or unit
+    factor = _factor(field_unit, found)
+    each = scale or 1.0
+    full_scale, noise = (None if value is None else value * each for value in (full_scale, noise))
+    recorded = _recorded(file, (names, field_column, temperature), unit, (each, factor), full_scale)
+    known = recorded.field if field is None else field * factor
+    report = calibrate_magnetometer(
+        recorded.readings,
+        found,
+        field=known,
+        method=method,  # type: ignore[arg-type]
+        shape=shape,  # type: ignore[arg-type]
+        noise=noise,
+        temperature=recorded.temperature,
+    )
+    gates = (*recorded.gates, *report.gates)
+    doubted = any(gate.ok is False for gate in gates)
+    if not doubted:
+        _exported(report, recorded, known, export, c_header)
+    if plot is not None:
+        from hil.cli.analyses.magnetometer_plot import draw  # noqa: PLC0415 - matplotlib is slow to import
+
+        draw(plot, report, recorded.readings, recorded.temperature)
+    text = magnetometer_text.as_json if as_json else magnetometer_text.as_text
+    click.echo(text(str(file), report, gates, recorded.remarks))
+    return int(doubted)
+
+
+def _three(columns: str) -> list[str]:
+    names = [name.strip() for name in columns.split(",")]
+    if len(names) != 3:
+        raise Refused(f"--columns names {len(names)} columns", "name those of x, y and z")
+    return names
+
+
+def _agree(scale: float | None, scaled_unit: str | None, field: float | None, field_column: str | None) -> None:
     if (scale is None) != (scaled_unit is None):
         raise Refused("--scale and --scaled-unit belong together", "give both, or neither")
     if field is not None and field_column is not None:
         raise Refused("--field and --field-column say the same", "give one of them")
-    names = [name.strip() for name in columns.split(",")]
-    if len(names) != 3:
-        raise Refused(f"--columns names {len(names)} columns", "name those of x, y and z")
-    found = scaled_unit or unit
-    factor = _factor(field_unit, found)
-    wanted = [*names, *([field_column] if field_column else [])]
-    recorded = _recorded(file, wanted, unit, scale or 1.0, None if full_scale is None else full_scale * (scale or 1.0))
-    known = recorded.field if field is None else field
-    known = None if known is None else known * factor
-    report = calibrate_magnetometer(recorded.readings, found, field=known, method=method, shape=shape)  # type: ignore[arg-type]
-    gates = (*recorded.gates, *report.gates)
-    doubted = any(gate.ok is False for gate in gates)
-    if not doubted:
-        _exported(report, recorded.readings, known, {export: "json", c_header: "c"})
-    if plot is not None:
-        from hil.cli.analyses.magnetometer_plot import draw  # noqa: PLC0415 - matplotlib is slow to import
-
-        draw(plot, report, recorded.readings)
-    text = magnetometer_text.as_json if as_json else magnetometer_text.as_text
-    click.echo(text(str(file), report, gates, recorded.remarks))
-    return int(doubted)
 
 
 def _factor(field_unit: str | None, unit: str) -> float:
@@ -127,7 +151,13 @@ def _factor(field_unit: str | None, unit: str) -> float:
         ) from None
 
 
-def _recorded(file: Path, wanted: list[str], unit: str, scale: float, full_scale: float | None) -> _Recorded:
+def _recorded(
+    file: Path,
+    wanted: tuple[list[str], str | None, str | None],
+    unit: str,
+    factors: tuple[float, float],
+    full_scale: float | None,
+) -> _Recorded:
     """Return what the file holds without rows that are not numbers, and what the gates say of it."""
     import numpy as np  # noqa: PLC0415 - start-up stays light
 
@@ -135,7 +165,8 @@ def _recorded(file: Path, wanted: list[str], unit: str, scale: float, full_scale
     from hil.analysis.gates import Facts, repeated, stuck  # noqa: PLC0415 - start-up stays light
     from hil.logs.columns import read  # noqa: PLC0415 - start-up stays light
 
-    table = read(file, wanted)
+    names, field_column, temperature_column = wanted
+    table = read(file, [*names, *filter(None, (field_column, temperature_column))])
     whole = np.isfinite(table.values).all(axis=1)
     if not whole.any():
         raise Refused(f"{file}: no row holds a finite number in every column", "choose other columns")
@@ -144,35 +175,35 @@ def _recorded(file: Path, wanted: list[str], unit: str, scale: float, full_scale
         count = int((~whole).sum())
         told = "1 row holds" if count == 1 else f"{count} rows hold"
         remarks.append(f"{told} no finite number in a column, and {'is' if count == 1 else 'are'} left out")
-    readings = np.ascontiguousarray(table.values[whole, :3]) * scale
+    readings = np.ascontiguousarray(table.values[whole, :3]) * factors[0]
     channels = {name: readings[:, place] for place, name in enumerate(table.names[:3])}
     gates = [*named_units(table.names[:3], unit), repeated(channels)]
     for name, values in channels.items():
         gates.append(stuck(name, values))
         if full_scale is not None:
             gates.append(saturated(name, values, Facts(full_scale=full_scale)))
-    field = np.ascontiguousarray(table.values[whole, 3]) if len(wanted) > 3 else None
-    return _Recorded(readings=readings, field=field, gates=tuple(gates), remarks=tuple(remarks))
+    return _Recorded(
+        readings=readings,
+        field=np.ascontiguousarray(table.values[whole, 3]) * factors[1] if field_column else None,
+        temperature=np.ascontiguousarray(table.values[whole, -1]) if temperature_column else None,
+        gates=tuple(gates),
+        remarks=tuple(remarks),
+    )
 
 
 def _exported(
     report: MagnetometerReport,
-    readings: NDArray[np.float64],
+    recorded: _Recorded,
     known: NDArray[np.float64] | float | None,
-    files: dict[Path | None, str],
+    export: Path | None,
+    c_header: Path | None,
 ) -> None:
     """Write the calibration, as far as it gives back the readings that it was made from."""
     from hil.analysis.magnetometer import interchange  # noqa: PLC0415 - start-up stays light
 
     text = interchange.magnetometer_as_json(report.calibration)
-    missed = interchange.sample_disagreement(interchange.magnetometer_from_json(text), report, readings, known)
+    again = interchange.magnetometer_from_json(text)
+    missed = interchange.sample_disagreement(again, report, recorded.readings, known, recorded.temperature)
     if missed:
         raise Refused(missed, "do not use this calibration; report the readings that show it")
-    forms = {"json": text, "c": interchange.magnetometer_as_c_header(report.calibration)}
-    for path, form in files.items():
-        if path is None:
-            continue
-        try:
-            path.write_text(forms[form], encoding="utf-8")
-        except OSError as error:
-            raise Refused(f"{path}: {error.strerror}", "choose a place that can be written") from None
+    write_exports((export, text), (c_header, interchange.magnetometer_as_c_header(report.calibration)))

@@ -15,20 +15,26 @@ from hil.model.errors import Refused
 __all__ = ["draw"]
 
 
-def draw(path: Path, report: MagnetometerReport, readings: NDArray[np.float64]) -> None:
+def draw(
+    path: Path,
+    report: MagnetometerReport,
+    readings: NDArray[np.float64],
+    temperature: NDArray[np.float64] | None = None,
+) -> None:
     """Draw the residuals of all readings, and where on the sphere the calibrated ones lie, in a map of equal areas.
 
     Args:
         path: what to write; its ending, .svg or .png, says the format.
         report: what to draw.
         readings: shape (n, 3).
+        temperature: as it was given to the fit.
 
     Raises:
         Refused: another ending, nothing to draw, or a file that cannot be written.
     """
     if not np.isfinite(report.residual).any():
         raise Refused(f"{path}: there is no ellipsoid to draw", "measure attitudes all over the sphere")
-    save(path, lambda: _drawn(report, report.calibration.correct(readings)))
+    save(path, lambda: _drawn(report, report.calibration.correct(readings, temperature)))
 
 
 def _drawn(report: MagnetometerReport, field: NDArray[np.float64]) -> Figure:

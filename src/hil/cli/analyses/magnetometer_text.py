@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import asdict
 
 import numpy as np
 
@@ -40,6 +41,10 @@ def as_json(file: str, report: MagnetometerReport, gates: tuple[Gate, ...], rema
         "matrix": {name: encoded(figure) for name, figure in calibration.elements.items()},
         "field": encoded(calibration.expected_field),
         "noise": encoded(report.noise),
+        "temperature": None if calibration.warmth is None else asdict(calibration.warmth),
+        "drift": {axis: encoded(figure) for axis, figure in calibration.drifts.items()},
+        "heading": encoded(report.heading),
+        "uncalibrated_heading": encoded(report.uncalibrated),
         "residual_rms": encoded(_rms(report)),
         "coverage": encoded(report.coverage),
         "condition": encoded(report.condition),
@@ -72,6 +77,8 @@ def as_text(file: str, report: MagnetometerReport, gates: tuple[Gate, ...], rema
     lines += [
         f"  field      {_told(calibration.expected_field)}, {scale}",
         f"  noise      {_told(report.noise)} along each axis; {_scatter(report)}",
+        f"  heading    {_heading(report)}",
+        *_warm(report),
         f"  coverage   {_told(report.coverage, percent=True)} of the sphere, in 48 cells",
         f"  condition  {_told(report.condition)} of the Fisher matrix; 2.5 or less is best",
         f"  outliers   {_outliers(report)}",
@@ -87,6 +94,29 @@ def as_text(file: str, report: MagnetometerReport, gates: tuple[Gate, ...], rema
 def _scatter(report: MagnetometerReport) -> str:
     rms = _rms(report)
     return f"residuals {rms:.3g} {report.calibration.unit}, rms" if math.isfinite(rms) else "no residuals"
+
+
+def _heading(report: MagnetometerReport) -> str:
+    if report.heading.status is FigureStatus.NOT_OBSERVABLE:
+        return "not observable"
+    return (
+        f"± {report.heading.value:.2g} deg in the worst direction; without the calibration it is off by up to"
+        f" {report.uncalibrated.value:.2g} deg"
+    )
+
+
+def _warm(report: MagnetometerReport) -> list[str]:
+    warmth = report.calibration.warmth
+    if warmth is None:
+        return []
+    span = f"{warmth.low:.4g} to {warmth.high:.4g} degC"
+    if warmth.drift is None:
+        return [f"  drift      not fitted: the readings are from {span}"]
+    slopes = ", ".join(f"{axis} {_told(figure)}" for axis, figure in report.calibration.drifts.items())
+    return [
+        f"  drift      of the bias {slopes}",
+        f"             the bias is that at {warmth.reference:.4g} degC, of {span}",
+    ]
 
 
 def _told(figure: Figure, *, percent: bool = False) -> str:

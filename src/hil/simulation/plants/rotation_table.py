@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import cos, pi, radians, sin, sqrt
+from types import MappingProxyType
 from typing import Annotated
 
 import numpy as np
@@ -94,11 +95,21 @@ class RotationTable(Plant):
         name: the plant's name.
         grid_ns: distance of grid points.
         truth: what the table is.
+        inputs: of what stands on it, besides its own.
+        signals: likewise.
     """
 
-    def __init__(self, name: str, grid_ns: int, truth: TableTruth) -> None:
-        inputs: Inputs = {"rate_command": 0.0, "acceleration": 10.0, "grip": 1.0, "mounting": truth.mounting}
-        super().__init__(name, grid_ns, (0.0, 0.0, truth.angle, 0.0, truth.angle), inputs, _SIGNALS)
+    def __init__(
+        self,
+        name: str,
+        grid_ns: int,
+        truth: TableTruth,
+        inputs: Inputs = MappingProxyType({}),
+        signals: frozenset[str] = frozenset(),
+    ) -> None:
+        own: Inputs = {"rate_command": 0.0, "acceleration": 10.0, "grip": 1.0, "mounting": truth.mounting}
+        state = (0.0, 0.0, truth.angle, 0.0, truth.angle)
+        super().__init__(name, grid_ns, state, {**own, **inputs}, _SIGNALS | signals)
         self._truth = truth
         self._frames = {axis: _frame(place, truth.tilt) for place, axis in enumerate(_AXES)}
         latitude = radians(truth.latitude)
@@ -145,6 +156,20 @@ class RotationTable(Plant):
             for place, begin, end in zip(new, begins, ends, strict=True)
         ]
         return np.concatenate(parts)
+
+    def in_board(
+        self, vector: tuple[float, float, float], state: Vector, inputs: Inputs, at: float
+    ) -> tuple[float, float, float]:
+        """Return in the board's frame what stands still outside: along 0 deg and 90 deg of the table, and up."""
+        axis, forward, left = self._frames[str(inputs["mounting"])]
+        motor, _ = self._motor(state, inputs, at)
+        angle = radians(float(self._angle(state, inputs, motor)))
+        ahead = vector[0] * cos(angle) + vector[1] * sin(angle)
+        aside = vector[1] * cos(angle) - vector[0] * sin(angle)
+        x, y, z = (
+            vector[2] * axis[place] + ahead * forward[place] + aside * left[place] for place in range(len(_AXES))
+        )
+        return x, y, z
 
     def _seen_many(
         self, signal: str, state: Vector, inputs: Inputs, times_ns: NDArray[np.int64]

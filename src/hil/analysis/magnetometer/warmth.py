@@ -1,0 +1,128 @@
+"""The bias of a magnetometer over temperature: a straight line beside the fit, or a tag where it shows none."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hil.analysis.magnetometer.calibration import Warmth
+from hil.analysis.magnetometer.geometry import BASES, Array, Estimate, Linearised, linearised
+from hil.analysis.magnetometer.settling import Given, Method, Shape, settled
+from hil.model.errors import Refused
+
+__all__ = ["NONE", "Drift", "checked", "fitted"]
+
+_LEAST_SPAN = 5.0  # K: over less a slope says nothing, and the calibration is tagged with its temperatures
+_PASSES = 12
+_RESTING = 1e-3  # of a slope's standard uncertainty: a change that nobody sees
+_LOW, _HIGH = -100.0, 200.0  # degC
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Drift:
+    """What the temperatures of the readings show.
+
+    Attributes:
+        slope: (3,), change of the bias per K; zero where none was fitted.
+        warmer: (n,), K of each reading above the reference; None if temperatures are not known.
+        reference: the temperature in degC at which the bias is stated: the mean of the readings.
+        fits: whether a slope was fitted.
+        kept: which readings are no outliers.
+        estimate: bias at the reference, and gain.
+    """
+
+    slope: Array = field(default_factory=lambda: np.zeros(3))
+    warmer: Array | None = None
+    reference: float = math.nan
+    fits: bool = False
+    kept: NDArray[np.bool_] = field(default_factory=lambda: np.ones(0, dtype=np.bool_))
+    estimate: Estimate = field(default_factory=lambda: Estimate(bias=np.zeros(3), gain=np.eye(3)))
+
+    def at_reference(self, given: Given) -> Given:
+        """Return the readings as they would be at the reference temperature."""
+        if self.warmer is None or not self.fits:
+            return given
+        return replace(given, readings=given.readings - np.outer(self.warmer, self.slope))
+
+    def with_slopes(self, about: Linearised) -> Linearised:
+        """Return residuals of the readings that are kept, with the change per slope below the others."""
+        if self.warmer is None or not self.fits:
+            return about
+        return replace(about, jacobian=_with_slopes(about, self.warmer[self.kept]))
+
+    def told(self, covariance: Array | None) -> Warmth | None:
+        """Return what the calibration says of temperatures, with the covariance (3, 3) of the slopes."""
+        if self.warmer is None:
+            return None
+        inside = self.reference + self.warmer[self.kept]
+        spread = np.zeros(3) if covariance is None else np.sqrt(np.maximum(0.0, np.diag(covariance)))
+        return Warmth(
+            reference=self.reference,
+            low=float(inside.min()),
+            high=float(inside.max()),
+            drift=tuple(self.slope.tolist()) if self.fits else None,
+            spread=tuple(spread.tolist()) if self.fits else None,
+        )
+
+
+NONE = Drift()
+"""Of readings whose temperature is not known."""
+
+
+def checked(temperature: ArrayLike, count: int) -> Array:
+    """Return temperatures (n,) in degC.
+
+    Raises:
+        Refused: another number of them, or what can be no temperature.
+    """
+    degrees = np.array(temperature, dtype=np.float64)
+    if degrees.shape != (count,):
+        raise Refused(f"{degrees.size} temperatures for {count} readings", "give one for each reading")
+    if not (np.isfinite(degrees).all() and degrees.min() > _LOW and degrees.max() < _HIGH):
+        raise Refused("a temperature is no number of degC", "give degrees Celsius, or leave the temperature out")
+    return degrees
+
+
+def fitted(
+    given: Given, degrees: Array, kept: NDArray[np.bool_], estimate: Estimate, how: tuple[Method, Shape]
+) -> Drift:
+    """Return the slope of the bias over temperature, and the fit to readings that are freed of it.
+
+    The slope enters every residual as the bias does, times the temperature above the mean of the readings: each pass
+    solves for its change together with bias and gain, and fits these again by their own method. It has come to rest
+    when it changes by a thousandth of its uncertainty.
+
+    Args:
+        given: the readings as they are.
+        degrees: (n,).
+        kept: which are no outliers of the fit without a slope.
+        estimate: that fit.
+        how: method and shape.
+    """
+    reference = float(degrees[kept].mean())
+    warmer = degrees - reference
+    drift = Drift(warmer=warmer, reference=reference, kept=kept, estimate=estimate)
+    if float(np.ptp(degrees[kept])) < _LEAST_SPAN:
+        return drift
+    drift = replace(drift, fits=True)
+    for _ in range(_PASSES):
+        inliers = drift.at_reference(given).part(drift.kept)
+        about = linearised(inliers.readings, inliers.field, drift.estimate, BASES[how[1]])
+        scaled = _with_slopes(about, warmer[drift.kept]) / about.spread
+        fisher = scaled @ scaled.T
+        change = -np.linalg.lstsq(fisher, scaled @ (about.residual / about.spread), rcond=None)[0][-3:]
+        variance = float(np.square(about.residual / about.spread).mean())
+        resting = _RESTING * np.sqrt(variance * np.maximum(0.0, np.diag(np.linalg.pinv(fisher))[-3:]))
+        drift = replace(drift, slope=drift.slope + change)
+        kept, estimate = settled(drift.at_reference(given), drift.estimate, *how)
+        drift = replace(drift, kept=kept, estimate=estimate)
+        if not estimate.physical or (np.abs(change) <= resting).all():
+            return drift
+    return replace(drift, estimate=replace(drift.estimate, converged=False))
+
+
+def _with_slopes(about: Linearised, warmer: Array) -> Array:
+    return np.vstack([about.jacobian, about.jacobian[:3] * warmer])
