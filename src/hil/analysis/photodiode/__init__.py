@@ -1,0 +1,1 @@
+"""Calibration of photodiodes that are read as the voltage at a load, over temperature."""
