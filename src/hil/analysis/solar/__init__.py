@@ -1,0 +1,1 @@
+"""Current-voltage curves of solar cells: characteristic figures at stated conditions."""
