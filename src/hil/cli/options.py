@@ -14,6 +14,7 @@ from hil.model.errors import Refused
 __all__ = [
     "ACKNOWLEDGE_WITHIN",
     "ANSWERS",
+    "JSON",
     "SERVED",
     "attendance_of",
     "attendance_options",
@@ -21,6 +22,7 @@ __all__ = [
     "name_option",
     "only_of",
     "overrides_of",
+    "plot_option",
     "skips_of",
     "unit_option",
 ]
@@ -38,6 +40,7 @@ ANSWERS = click.option(
     type=click.Path(path_type=Path, exists=True, dir_okay=False),
     help="File with answers to the plan's questions.",
 )
+JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON document and nothing else.")
 ACKNOWLEDGE_WITHIN = click.option(
     "--acknowledge-within",
     type=click.FloatRange(min=0, min_open=True, max=24 * 60),
@@ -70,6 +73,11 @@ def _known_unit(context: click.Context, option: click.Parameter, value: str | No
     if value is not None and (problem := check_unit(value)):
         raise Refused(f"{option.opts[0]}: {problem}", "LSB, count or 1 for numbers as the device gives them")
     return value
+
+
+def plot_option(drawn: str) -> Callable[[_Command], _Command]:
+    """Return an option that takes the file into which something is drawn; `drawn` is an object, as in "the fits"."""
+    return click.option("--plot", type=click.Path(path_type=Path), metavar="FILE", help=f"Draw {drawn}: .svg or .png.")
 
 
 def attendance_options(command: _Command) -> _Command:

@@ -141,10 +141,7 @@ def load_criteria(file: File, shown: str) -> Criteria:
         for path, message in _problems(document):
             if document.is_sound(path):
                 findings.add(document.place(path), message)
-    findings.raise_if_any()
-    if document is None:  # pragma: no cover - a document that cannot be read has findings
-        raise AssertionError(shown)
-    return document.model
+    return findings.require(document).model
 
 
 def _problems(document: Document[Criteria]) -> _Wrong:

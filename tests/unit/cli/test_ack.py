@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 
 import pytest
 from evidence_runs import begin, sealed_run
@@ -29,8 +30,16 @@ PROVEN = '{"event":"done","utc":"2026-11-21T10:00:27.250000Z","unproven":[],"pro
 TEXT = "cell warm, fuse F2 replaced"
 
 
+@pytest.fixture(scope="module")
+def sealed(tmp_path_factory):
+    """The folder of a sealed run, which nobody changes."""
+    folder = tmp_path_factory.mktemp("sealed") / SEALED
+    sealed_run(folder)
+    return folder
+
+
 @pytest.fixture
-def reports(tmp_path, monkeypatch):
+def reports(tmp_path, monkeypatch, sealed):
     """Be in a workspace with a run that the guardian ended, and one that was sealed with an unsafe end; both latch."""
     monkeypatch.setattr("hil.guardian.latch.PLACES", (tmp_path / "latches",))
     monkeypatch.setattr("hil.bench.lease._FOLDER", tmp_path / "leases")
@@ -44,7 +53,7 @@ def reports(tmp_path, monkeypatch):
         )
     (reports / SAFED / "inbox/files").mkdir(parents=True)
     (reports / SAFED / GUARDIAN).write_text(ACTED)
-    sealed_run(reports / SEALED)
+    shutil.copytree(sealed, reports / SEALED)
     for name, key in ((SAFED, "/dev/psu"), (SEALED, "/dev/tec")):
         latch = Latch(bench="battery", run=str(reports / name), why="it died", since=SINCE, outputs=("tec",))
         latch_bench([key], latch)

@@ -320,6 +320,7 @@ def test_the_nearest_slopes_are_named_legacy():
     assert axis["legacy_nearest_slope"]["white"]["value"] != axis["white"]["value"]
 
 
+@pytest.mark.system
 def test_dense_averaging_times_are_drawn(tmp_path):
     """--taus dense gives twenty points a decade."""
     asked = ("--estimator", "hadamard", "--taus", "dense", "--json", "--plot", str(tmp_path / "plot.png"))

@@ -128,6 +128,7 @@ def test_a_bandwidth_beyond_half_of_the_rate_is_told(log):
     assert "INCONCLUSIVE: aliased: the bandwidth, 300 Hz, is beyond half of the rate" in result.stdout
 
 
+@pytest.mark.system
 def test_the_spectra_are_drawn(log, tmp_path):
     """As the ending says; another ending is refused."""
     run(log, *UNTIMED, "--plot", str(tmp_path / "spectrum.svg"))

@@ -88,7 +88,7 @@ def test_a_waiver_is_approved_by_somebody_else_and_closes(said, tmp_path):
         ("W-1", "waiver", "ada", "ada@x is the author of W-1: somebody else must approve it"),
         ("W-1", "waiver", "cy", "cy@x does not hold the role waiver"),
         ("NCR-1", "nonconformance", "ada", "ada@x does not hold the role nonconformance"),
-        ("W-2", "waiver", "bo", "there is no report or waiver 'W-2', did you mean 'W-1'?"),
+        ("W-2", "waiver", "bo", "there is no report, waiver or verification 'W-2', did you mean 'W-1'?"),
     ):
         code, _, err = approve(said, tmp_path, number, role, name)
         assert (code, why in err) == (4, True), err

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import ast
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 from hil.analysis.published.printed import Key, Printed, PrintedTable
 from hil.analysis.published.ranges import Range, Undefined, constant, variable
@@ -59,12 +59,18 @@ def _total(values: list[Range]) -> Range:
     return found
 
 
-_Value = Range | list[Range]
+def _raised(base: Range, exponent: Range) -> Range:
+    if exponent.low == exponent.high and exponent.low.is_integer() and abs(exponent.low) <= _LARGEST_POWER:
+        return base.power(int(exponent.low))
+    return _ONE["exp"](_ONE["log"](base) * exponent)
+
+
 _BINARY: Mapping[type[ast.operator], Callable[[Range, Range], Range]] = {
     ast.Add: lambda one, other: one + other,
     ast.Sub: lambda one, other: one - other,
     ast.Mult: lambda one, other: one * other,
     ast.Div: lambda one, other: one / other,
+    ast.Pow: _raised,
 }
 _ONE: Mapping[str, Callable[[Range], Range]] = {
     "abs": abs,
@@ -81,7 +87,19 @@ _MANY: Mapping[str, Callable[[list[Range]], Range]] = {
     "count": lambda values: constant(float(len(values))),
 }
 _FUNCTIONS = (*_ONE, *_MANY)
-_RESERVED = frozenset((*_FUNCTIONS, *_CONSTANTS))
+
+
+@dataclass(frozen=True, slots=True)
+class _Scope:
+    """The published cell that is computed, the tables by their names, and what gives the number of a source."""
+
+    place: Key
+    tables: Mapping[str, PrintedTable]
+    take: Callable[[Source], Range]
+
+
+_Number: TypeAlias = Callable[[_Scope], Range]
+_Numbers: TypeAlias = Callable[[_Scope], list[Range]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,11 +113,13 @@ class Formula:
 
     Attributes:
         text: as it is written.
-        tree: what it means.
+        compute: what it means.
+        references: what it takes from tables.
     """
 
     text: str
-    tree: ast.expr = field(compare=False, repr=False)
+    compute: _Number = field(compare=False, repr=False)
+    references: tuple[_Numbers, ...] = field(compare=False, repr=False)
 
     def sources(self, place: Key, tables: Mapping[str, PrintedTable]) -> dict[Source, Printed]:
         """Return the printed cells that it uses at a row and column.
@@ -116,9 +136,8 @@ class Formula:
             used[source] = cell
             return constant(1.0)
 
-        evaluation = _Evaluation(place, tables, take)
-        for node in _references(self.tree):
-            evaluation.value(node)
+        for reference in self.references:
+            reference(_Scope(place, tables, take))
         return used
 
     def over(self, place: Key, tables: Mapping[str, PrintedTable], cells: Mapping[Source, Printed]) -> Range:
@@ -156,83 +175,9 @@ class Formula:
             return constant(low) if low == high else variable(low, high, source)
 
         try:
-            return _Evaluation(place, tables, take).number(self.tree)
+            return self.compute(_Scope(place, tables, take))
         except (OverflowError, ZeroDivisionError, ValueError):
             raise Undefined("the numbers are too large or too small to compute with") from None
-
-
-def _references(node: ast.AST) -> Iterator[ast.expr]:
-    """Give every part of a formula that stands for cells of a table."""
-    if isinstance(node, ast.Subscript) or (isinstance(node, ast.Name) and node.id not in _RESERVED):
-        yield node
-    else:
-        for child in ast.iter_child_nodes(node):
-            yield from _references(child)
-
-
-@dataclass(frozen=True, slots=True)
-class _Evaluation:
-    """One pass through the tree of a formula, for one published cell."""
-
-    place: Key
-    tables: Mapping[str, PrintedTable]
-    take: Callable[[Source], Range]
-
-    def number(self, node: ast.expr) -> Range:
-        found = self.value(node)
-        assert isinstance(found, Range)  # noqa: S101 - the parser has seen to it
-        return found
-
-    def value(self, node: ast.expr) -> _Value:
-        match node:
-            case ast.Constant(value=int() | float() as number):
-                return constant(float(number))
-            case ast.Name(id=name):
-                return constant(_CONSTANTS[name]) if name in _CONSTANTS else self.take(Source(name, *self.place))
-            case ast.Subscript(value=ast.Name(id=name), slice=places):
-                return self._cells(name, places)
-            case ast.Call(func=ast.Name(id=name), args=arguments) if name in _MANY:
-                return _MANY[name](self._several(arguments))
-        return self._computed(node)
-
-    def _computed(self, node: ast.expr) -> Range:
-        match node:
-            case ast.UnaryOp(op=operator, operand=operand):
-                found = self.number(operand)
-                return -found if isinstance(operator, ast.USub) else found
-            case ast.BinOp(left=left, op=ast.Pow(), right=right):
-                return _raised(self.number(left), self.number(right))
-            case ast.BinOp(left=left, op=operator, right=right):
-                return _BINARY[type(operator)](self.number(left), self.number(right))
-            case ast.Call(func=ast.Name(id=name), args=[argument]):
-                return _ONE[name](self.number(argument))
-        raise AssertionError(ast.dump(node))  # pragma: no cover - the parser lets nothing else through
-
-    def _several(self, arguments: list[ast.expr]) -> list[Range]:
-        found: list[Range] = []
-        for each in arguments:
-            value = self.value(each)
-            found += value if isinstance(value, list) else [value]
-        if not found:
-            raise Missing("a column without rows has neither sum nor mean")
-        return found
-
-    def _cells(self, name: str, places: ast.expr) -> _Value:
-        table = self.tables[name]
-        parts: list[ast.expr] = places.elts if isinstance(places, ast.Tuple) else [places]
-        column, row = parts[0], parts[1] if len(parts) > 1 else None
-        columns = _chosen(column, table.columns)
-        rows = [self.place[0]] if row is None else _chosen(row, table.rows)
-        if isinstance(column, ast.Slice) or isinstance(row, ast.Slice):
-            keys = [(each, other) for each in rows for other in columns]
-            return [self.take(Source(name, *key)) for key in keys if key in table.cells]
-        return self.take(Source(name, rows[0], columns[0]))
-
-
-def _raised(base: Range, exponent: Range) -> Range:
-    if exponent.low == exponent.high and exponent.low.is_integer() and abs(exponent.low) <= _LARGEST_POWER:
-        return base.power(int(exponent.low))
-    return _ONE["exp"](_ONE["log"](base) * exponent)
 
 
 def _chosen(node: ast.expr, names: tuple[str, ...]) -> list[str]:
@@ -270,73 +215,105 @@ def parse(text: str, tables: Mapping[str, PrintedTable]) -> Formula:
     except (ValueError, RecursionError, MemoryError):
         raise FormulaError(1, "this is no formula: too deep, or with characters that cannot be shown") from None
     reader = _Reader(bare, shift, tables)
-    if reader.check(tree):
-        raise reader.error(tree, 'a whole column is no number: take its sum or mean, as in sum(a["white", :])')
-    return Formula(text=text, tree=tree)
+    compute = reader.number(tree)
+    return Formula(text=text, compute=compute, references=tuple(reader.references))
 
 
 @dataclass(frozen=True, slots=True)
 class _Reader:
-    """Lets through what a formula may be made of, and nothing else."""
+    """Makes what computes a formula out of its parts; what no formula may be made of is an error with its place."""
 
     text: str
     shift: int
     tables: Mapping[str, PrintedTable]
+    references: list[_Numbers] = field(default_factory=list)
 
     def error(self, node: ast.expr, message: str, known: tuple[str, ...] = (), word: str = "") -> FormulaError:
         before = len(self.text.encode()[: node.col_offset].decode(errors="replace"))
         return FormulaError(self.shift + before + 1, message, known, word)
 
-    def check(self, node: ast.expr) -> bool:
-        """Return whether a part is a column of numbers rather than one."""
+    def number(self, node: ast.expr) -> _Number:
+        """Return what computes a part that is one number."""
         match node:
-            case ast.Constant(value=bool() | str() | bytes() | None):
-                raise self.error(node, "a number or a table must stand here")
-            case ast.Constant(value=int() | float() as number):
-                self._number(node, number)
+            case ast.Constant(value=number):
+                return self._constant(node, number)
             case ast.Name(id=name):
-                if name not in self.tables and name not in _CONSTANTS:
-                    raise self.error(node, f"unknown name '{name}'", (*self.tables, *_CONSTANTS), name)
-            case ast.Subscript(value=ast.Name(id=name) as table, slice=places):
-                return self._places(table, name, places)
-            case ast.UnaryOp(op=ast.USub() | ast.UAdd(), operand=operand):
-                self._single(operand)
-            case ast.BinOp(left=left, op=ast.Add() | ast.Sub() | ast.Mult() | ast.Div() | ast.Pow(), right=right):
-                self._single(left)
-                self._single(right)
+                return self._name(node, name)
+            case ast.Subscript(value=ast.Name() as table, slice=places):
+                cells = self._cells(table, places)
+                if _is_column(node):
+                    message = 'a whole column is no number: take its sum or mean, as in sum(a["white", :])'
+                    raise self.error(node, message)
+                return self._one(cells)
+            case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]):
+                return self._call(node, name, arguments)
+        return self._operation(node)
+
+    def _operation(self, node: ast.expr) -> _Number:
+        match node:
+            case ast.UnaryOp(op=ast.USub(), operand=operand):
+                found = self.number(operand)
+                return lambda scope: -found(scope)
+            case ast.UnaryOp(op=ast.UAdd(), operand=operand):
+                return self.number(operand)
+            case ast.BinOp(left=left, op=operator, right=right) if type(operator) in _BINARY:
+                binary, one, other = _BINARY[type(operator)], self.number(left), self.number(right)
+                return lambda scope: binary(one(scope), other(scope))
             case ast.BinOp(op=ast.BitXor()):
                 raise self.error(node, "a power is written **, as in a**2")
-            case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]):
-                self._call(node, name, arguments)
-            case _:
-                raise self.error(node, "a formula has numbers, tables, + - * / **, brackets and functions only")
-        return False
+        raise self.error(node, "a formula has numbers, tables, + - * / **, brackets and functions only")
 
-    def _number(self, node: ast.expr, number: float) -> None:
+    def _constant(self, node: ast.expr, number: object) -> _Number:
+        if isinstance(number, bool) or not isinstance(number, int | float):
+            raise self.error(node, "a number or a table must stand here")
         try:
-            large = not math.isfinite(float(number))
-        except OverflowError:
-            large = True
-        if large:
-            raise self.error(node, "the number is too large")
+            value = constant(float(number))
+        except (OverflowError, Undefined):
+            raise self.error(node, "the number is too large") from None
+        return lambda _: value
 
-    def _single(self, node: ast.expr) -> None:
-        if self.check(node):
-            raise self.error(node, 'a whole column is no number: take its sum or mean, as in sum(a["white", :])')
+    def _name(self, node: ast.expr, name: str) -> _Number:
+        if name in _CONSTANTS:
+            value = constant(_CONSTANTS[name])
+            return lambda _: value
+        if name not in self.tables:
+            raise self.error(node, f"unknown name '{name}'", (*self.tables, *_CONSTANTS), name)
+        return self._one(self._refer(lambda scope: [scope.take(Source(name, *scope.place))]))
 
-    def _call(self, node: ast.expr, name: str, arguments: list[ast.expr]) -> None:
+    def _one(self, numbers: _Numbers) -> _Number:
+        return lambda scope: numbers(scope)[0]
+
+    def _refer(self, numbers: _Numbers) -> _Numbers:
+        self.references.append(numbers)
+        return numbers
+
+    def _call(self, node: ast.expr, name: str, arguments: list[ast.expr]) -> _Number:
         if name not in _FUNCTIONS:
             raise self.error(node, f"unknown function '{name}'", _FUNCTIONS, name)
         if not arguments or (name in _ONE and len(arguments) != 1):
             raise self.error(node, f"{name} takes {'one number' if name in _ONE else 'numbers or a column'}")
-        for each in arguments:
-            if self.check(each) and name in _ONE:
-                raise self.error(each, f"{name} takes one number, not a whole column")
+        parts = [self._several(each) for each in arguments]
+        if name in _MANY:
+            many = _MANY[name]
+            return lambda scope: many(_present([number for part in parts for number in part(scope)]))
+        if _is_column(arguments[0]):
+            raise self.error(arguments[0], f"{name} takes one number, not a whole column")
+        function, number = _ONE[name], self._one(parts[0])
+        return lambda scope: function(number(scope))
 
-    def _places(self, table: ast.Name, name: str, places: ast.expr) -> bool:
+    def _several(self, node: ast.expr) -> _Numbers:
+        """Return what computes the numbers of a part that may be a column."""
+        if isinstance(node, ast.Subscript) and isinstance(node.value, ast.Name):
+            return self._cells(node.value, node.slice)
+        number = self.number(node)
+        return lambda scope: [number(scope)]
+
+    def _cells(self, table: ast.Name, places: ast.expr) -> _Numbers:
+        """Return what takes the cells of a subscript: one, or those of a column that are there."""
+        name = table.id
         if name not in self.tables:
             raise self.error(table, f"unknown name '{name}'", tuple(self.tables), name)
-        parts = places.elts if isinstance(places, ast.Tuple) else [places]
+        parts: list[ast.expr] = places.elts if isinstance(places, ast.Tuple) else [places]
         if len(parts) not in {1, 2}:
             raise self.error(places, 'a cell is named by its column and row, as in a["white", "z"]')
         found = self.tables[name]
@@ -347,10 +324,35 @@ class _Reader:
             for end in ends:
                 if end is not None:
                     self._named(end, names, f"{found.name} has no {what}")
-        return any(isinstance(part, ast.Slice) for part in parts)
+        column, row, some = parts[0], parts[1] if len(parts) > 1 else None, any(map(_is_slice, parts))
+
+        def take(scope: _Scope) -> list[Range]:
+            table = scope.tables[name]
+            rows = [scope.place[0]] if row is None else _chosen(row, table.rows)
+            keys = [(each, other) for each in rows for other in _chosen(column, table.columns)]
+            return [scope.take(Source(name, *key)) for key in keys if not some or key in table.cells]
+
+        return self._refer(take)
 
     def _named(self, node: ast.expr, names: tuple[str, ...], lacks: str) -> None:
         if not isinstance(node, ast.Constant) or not isinstance(node.value, str | int):
             raise self.error(node, 'a row or column is named in quotes, as in a["white", "z"]')
         if _label(node) not in names:
             raise self.error(node, f"{lacks} '{_label(node)}'", names, _label(node))
+
+
+def _present(values: list[Range]) -> list[Range]:
+    if not values:
+        raise Missing("a column without rows has neither sum nor mean")
+    return values
+
+
+def _is_slice(node: ast.expr) -> bool:
+    return isinstance(node, ast.Slice)
+
+
+def _is_column(node: ast.expr) -> bool:
+    """Return whether a part is a column of numbers rather than one."""
+    if not isinstance(node, ast.Subscript):
+        return False
+    return any(map(_is_slice, node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]))

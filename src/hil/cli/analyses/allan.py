@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from hil.cli.analyses.log import Wanted, log_options, obtain
+from hil.cli.analyses.log import obtain
+from hil.cli.analyses.wanted import Wanted, log_options
+from hil.cli.options import JSON, plot_option
 from hil.model.errors import Refused
 
 if TYPE_CHECKING:
@@ -45,8 +47,8 @@ __all__ = ["allan"]
     help="Where coefficients come from; nearest-slope adds the legacy read-out, for comparison with old tables.",
 )
 @click.option("--confidence", type=float, default=0.68, show_default=True, help="Confidence level of the intervals.")
-@click.option("--plot", type=click.Path(path_type=Path), metavar="FILE", help="Draw the deviations: .svg or .png.")
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON document and nothing else.")
+@plot_option("the deviations")
+@JSON
 def allan(  # noqa: PLR0913 - one argument per option
     *,
     wanted: Wanted,

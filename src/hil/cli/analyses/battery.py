@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from hil.cli.analyses.log import time_unit_option
+from hil.cli.analyses.wanted import time_unit_option
+from hil.cli.options import JSON, plot_option
 from hil.model.errors import Refused
 
 if TYPE_CHECKING:
@@ -86,8 +87,8 @@ _UPPER, _LOWER, _CUT_OFF = 4.2, 2.7, 0.05  # V, V, A
     metavar="PART",
     help="Part of the capacity that is left at end of life.",
 )
-@click.option("--plot", type=click.Path(path_type=Path), metavar="FILE", help="Draw the test: .svg or .png.")
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON document and nothing else.")
+@plot_option("the test")
+@JSON
 def battery(  # noqa: PLR0913 - one argument per option
     *,
     file: Path,

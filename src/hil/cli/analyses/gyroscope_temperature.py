@@ -10,18 +10,22 @@ from typing import TYPE_CHECKING
 
 import click
 
+from hil.cli.analyses.exports import export_options, write_exports
 from hil.cli.analyses.log import named_units
-from hil.cli.options import unit_option
+from hil.cli.options import JSON, plot_option, unit_option
 from hil.model.errors import Refused
 from hil.model.figure import Figure
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from hil.analysis.gates import Gate
     from hil.analysis.gyroscope.calibrate import CalibrationReport
     from hil.analysis.gyroscope.readings import Reading
     from hil.logs.columns import Table
 
-__all__ = ["gyroscope_temperature"]
+__all__ = ["gyroscope_temperature", "in_celsius"]
 
 _OTHER_DEGREES = re.compile(r"(?:^|[\s_\[(/])(°F|degF|F|K|degK|kelvin|fahrenheit)[\])]?\s*$", re.IGNORECASE)
 _DEGC = re.compile(r"(?:^|[\s_\[(/])(°C|degC|C|celsius)[\])]?\s*$", re.IGNORECASE)
@@ -70,12 +74,9 @@ class _Columns:
 @click.option(
     "--margin", type=float, default=0.0, metavar="K", help="How far beyond the measured temperatures it is valid."
 )
-@click.option("--plot", type=click.Path(path_type=Path), metavar="FILE", help="Draw the fits: .svg or .png.")
-@click.option("--export", type=click.Path(path_type=Path), metavar="FILE", help="Write the calibration as JSON.")
-@click.option(
-    "--c-header", type=click.Path(path_type=Path), metavar="FILE", help="Write the calibration as a C header."
-)
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON document and nothing else.")
+@plot_option("the fits")
+@export_options
+@JSON
 def gyroscope_temperature(  # noqa: PLR0913 - one argument per option
     *,
     file: Path,
@@ -107,6 +108,7 @@ def gyroscope_temperature(  # noqa: PLR0913 - one argument per option
       hil analyse gyroscope-temperature docs/data/gyroscope-temperature-simulated.csv --unit deg/s \\
         --temperature temperature --means x,y,z --rates rate_x,rate_y,rate_z --uncertainties ux,uy,uz
     """  # noqa: D301 - click reads \b
+    from hil.analysis.gyroscope import interchange  # noqa: PLC0415 - start-up stays light
     from hil.analysis.gyroscope.calibrate import calibrate  # noqa: PLC0415 - start-up stays light
     from hil.analysis.gyroscope.readings import implausible  # noqa: PLC0415 - start-up stays light
     from hil.cli.analyses import gyroscope_text  # noqa: PLC0415 - start-up stays light
@@ -129,7 +131,8 @@ def gyroscope_temperature(  # noqa: PLR0913 - one argument per option
     gates = (*told, *_copied(table), *_gates(readings, table.names[0]), *implausible(report.responses))
     doubted = any(gate.ok is False for gate in gates)
     if not doubted:
-        _write(report, export, c_header)
+        its = report.calibration
+        write_exports((export, interchange.as_json(its)), (c_header, interchange.as_c_header(its)))
     if plot is not None:
         from hil.cli.analyses.plots import draw_gyroscope  # noqa: PLC0415 - matplotlib is slow to import
 
@@ -182,26 +185,42 @@ def _gates(readings: Sequence[Reading], title: str) -> tuple[Gate, ...]:
     """
     import numpy as np  # noqa: PLC0415 - start-up stays light
 
-    from hil.analysis.gates import Gate, celsius, stuck  # noqa: PLC0415 - start-up stays light
+    from hil.analysis.gates import Gate, stuck  # noqa: PLC0415 - start-up stays light
 
     temperatures = np.array([each.temperature for each in readings])
     axes = {axis: np.array([each.means[axis].value for each in readings]) for axis in readings[0].means}
     still = [replace(stuck(axis, values), name="still") for axis, values in axes.items()]
-    warm = celsius("temperature", temperatures, series=False)
-    said = _OTHER_DEGREES.search(title)
-    if said is not None and warm.ok is not False:
-        warm = replace(warm, ok=False, reason=f"the name of column '{title}' says {said[1]}; not degrees Celsius")
-    hottest = float(temperatures.max())
-    if warm.ok is not False and hottest > _HOTTEST and _DEGC.search(title) is None:
-        celsius_then = (hottest - 32.0) / 1.8
-        told = f"up to {hottest:g} in column '{title}', which names no unit: {celsius_then:.3g} degC if it holds °F"
-        reason = f"{told}; name the unit, as in 'T [degC]'"
-        warm = replace(warm, ok=False, reason=reason)
+    warm = in_celsius(title, temperatures, series=False)
     span = float(np.ptp(temperatures))
     told = f"the temperatures differ by {span:.3g} K"
     if span < _LEAST_SPAN:
         told += f", and {_LEAST_SPAN:g} K are needed: is this their column?"
     return (warm, Gate(name="span", channel="temperature", ok=span >= _LEAST_SPAN, reason=told), *still)
+
+
+def in_celsius(title: str, temperatures: NDArray[np.float64], *, series: bool) -> Gate:
+    """Return a gate that trips where a column does not hold degrees Celsius, as its numbers or its name tell.
+
+    Args:
+        title: the column's name.
+        temperatures: its numbers, at least one of which is finite.
+        series: whether they were sampled one after the other.
+    """
+    import numpy as np  # noqa: PLC0415 - start-up stays light
+
+    from hil.analysis.gates import celsius  # noqa: PLC0415 - start-up stays light
+
+    warm = celsius("temperature", temperatures, series=series)
+    said = _OTHER_DEGREES.search(title)
+    if said is not None and warm.ok is not False:
+        warm = replace(warm, ok=False, reason=f"the name of column '{title}' says {said[1]}; not degrees Celsius")
+    hottest = float(np.nanmax(temperatures))
+    if warm.ok is not False and hottest > _HOTTEST and _DEGC.search(title) is None:
+        celsius_then = (hottest - 32.0) / 1.8
+        told = f"up to {hottest:g} in column '{title}', which names no unit: {celsius_then:.3g} degC if it holds °F"
+        reason = f"{told}; name the unit, as in 'T [degC]'"
+        warm = replace(warm, ok=False, reason=reason)
+    return warm
 
 
 def _copied(table: Table) -> tuple[Gate, ...]:
@@ -248,16 +267,3 @@ def _checked(report: CalibrationReport) -> None:
     rejected = export_disagreements(from_json(as_json(report.calibration)), report)
     if rejected:
         raise Refused("; ".join(map(str, rejected)), "do not use this calibration; report the table that shows it")
-
-
-def _write(report: CalibrationReport, export: Path | None, c_header: Path | None) -> None:
-    from hil.analysis.gyroscope.interchange import as_c_header, as_json  # noqa: PLC0415 - slow to import
-
-    for path, render in ((export, as_json), (c_header, as_c_header)):
-        if path is None:
-            continue
-        text = render(report.calibration)
-        try:
-            path.write_text(text, encoding="utf-8")
-        except OSError as error:
-            raise Refused(f"{path}: {error.strerror}", "choose a place that can be written") from None

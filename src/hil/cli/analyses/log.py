@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import functools
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import asdict, dataclass, field, fields
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from typing import TYPE_CHECKING
 
-import click
-
-from hil.cli.options import unit_option
+from hil.cli.analyses.wanted import Wanted
 from hil.model.errors import Refused
 
 if TYPE_CHECKING:
@@ -27,77 +23,22 @@ if TYPE_CHECKING:
 __all__ = [
     "INCONCLUSIVE",
     "Log",
-    "Wanted",
     "gates_as_json",
     "log_as_json",
-    "log_options",
     "named_units",
     "obtain",
+    "obtain_beside",
     "status",
-    "time_unit_option",
 ]
 
 INCONCLUSIVE = "inconclusive"
 """Status of what was computed from a log that a gate speaks against."""
 
-_Command = TypeVar("_Command", bound=Callable[..., Any])
-_TIME_UNITS = ("s", "ms", "us", "ns", "min", "h", "d")
 _LARGEST, _SMALLEST = 1e100, 1e-100  # beyond these a square is no number any more
 _JITTER = 0.6  # of an interval, rms: with more nobody can tell which sample is which
 _COPED = frozenset({"gaps", "jitter", "rate"})  # what averages over evenly placed samples can cope with
 _BRACKETS = re.compile(r"[\[(]([^\[\]()]+)[\])]\s*$")  # a unit at the end of a column's name
 _LEAST_OF_CLOCK, _TOLD = 10, 0.005  # samples, and part of white noise that rounding added
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Wanted:
-    """Which samples of a log are meant, and what is known of the sensor.
-
-    Times are in s after the first sample; columns by number or name; count and full scale in `unit`, the density in
-    the unit of the result.
-    """
-
-    file: Path
-    time: str | None = None
-    time_unit: str | None = None
-    rate: float | None = None
-    columns: str | None = None
-    unit: str = "1"
-    scale: float | None = None
-    scaled_unit: str | None = None
-    begin: float = 0.0
-    end: float | None = None
-    lsb: float | None = None
-    full_scale: float | None = None
-    bandwidth: float | None = None
-    noise_density: float | None = None
-
-    def __post_init__(self) -> None:
-        if (self.scale is None) != (self.scaled_unit is None):
-            raise Refused("--scale and --scaled-unit belong together", "give both, or neither")
-        if (self.time is None) == (self.rate is None):
-            raise Refused("the sampling rate must come from one place", "give --time COLUMN or --rate HZ, and not both")
-        for name in ("rate", "lsb", "full_scale", "bandwidth", "noise_density", "scale"):
-            value = getattr(self, name)
-            if (value is not None and not 0.0 < abs(value) < math.inf) or (name != "scale" and (value or 1.0) < 0.0):
-                raise Refused(f"--{name.replace('_', '-')} {value:g} is not possible", "give a number above zero")
-
-    @property
-    def result_unit(self) -> str:
-        """Unit of the samples that are analysed."""
-        return self.scaled_unit or self.unit
-
-    def facts(self) -> Facts:
-        """What is known of the sensor, in the unit of the samples that are analysed."""
-        from hil.analysis.gates import Facts  # noqa: PLC0415 - start-up stays light
-
-        scale = abs(self.scale or 1.0)
-        return Facts(
-            lsb=None if self.lsb is None else self.lsb * scale,
-            full_scale=None if self.full_scale is None else self.full_scale * scale,
-            bandwidth=self.bandwidth,
-            noise_density=self.noise_density,
-        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -161,80 +102,66 @@ def log_as_json(log: Log, *, doubted: bool, gates: tuple[Gate, ...] = ()) -> dic
     }
 
 
-def time_unit_option(command: _Command) -> _Command:
-    """Give a command `--time-unit`."""
-    return click.option(
-        "--time-unit",
-        type=click.Choice(list(_TIME_UNITS)),
-        help="Of the timestamps; s, unless the column's name or their size says another.",
-    )(command)
-
-
-_OPTIONS: tuple[Callable[[Callable[..., Any]], Callable[..., Any]], ...] = (
-    click.argument("file", type=click.Path(path_type=Path)),
-    click.option("--time", metavar="COLUMN", help="Column of timestamps, by number or name."),
-    time_unit_option,
-    click.option("--rate", type=float, metavar="HZ", help="Samples per second, if the log has no timestamps."),
-    click.option(
-        "--columns", metavar="A,B,C", help="Columns of rates, by number or name; all but the time by default."
-    ),
-    unit_option("--unit", required=True, help="Unit of the numbers in the file, such as deg/s or LSB."),
-    click.option("--scale", type=float, metavar="FACTOR", help="How many --scaled-unit one --unit is."),
-    unit_option("--scaled-unit", help="Unit after scaling, such as deg/s."),
-    click.option(
-        "--from", "begin", type=float, default=0.0, metavar="S", help="Start this many seconds after the first sample."
-    ),
-    click.option("--to", "end", type=float, metavar="S", help="Stop this many seconds after the first sample."),
-    click.option("--lsb", type=float, metavar="STEP", help="One count in --unit; found in the readings by default."),
-    click.option("--full-scale", type=float, metavar="VALUE", help="Largest reading of either sign, in --unit."),
-    click.option("--bandwidth", type=float, metavar="HZ", help="Of the sensor's own filter, 3 dB down."),
-    click.option(
-        "--noise-density",
-        type=float,
-        metavar="DENSITY",
-        help="Of the data sheet, one-sided, per root of a hertz, in the unit of the result.",
-    ),
-)
-
-
-def log_options(command: _Command) -> Callable[..., Any]:
-    """Give a command the options that say which samples are meant; it gets them as one argument, `wanted`."""
-
-    @functools.wraps(command)
-    def bundled(**options: Any) -> object:  # noqa: ANN401 - options are of many types
-        mine = {each.name: options.pop(each.name) for each in fields(Wanted)}
-        return command(wanted=Wanted(**mine), **options)
-
-    made: Callable[..., Any] = bundled
-    for option in reversed(_OPTIONS):
-        made = option(made)
-    return made
-
-
-def obtain(wanted: Wanted, parts: str = "averages") -> Log:
+def obtain(wanted: Wanted, parts: str = "averages that miss more than 5 %") -> Log:
     """Read a log, understand its times, cut it to the part that is meant, and ask the gates.
 
     Args:
         wanted: which samples.
-        parts: of the record, as the analysis calls what it leaves out where too many samples are missing.
+        parts: of the record that the analysis leaves out, and where, as in `averages that miss more than 5 %`; empty if
+            it leaves nothing out.
 
     Raises:
         Refused: what cannot be read, or is no series of samples.
     """
+    return obtain_beside([wanted], parts)[0]
+
+
+def obtain_beside(sensors: Sequence[Wanted], parts: str, *, at_rest: bool = True) -> list[Log]:
+    """Read what several sensors say in one log, at the same times.
+
+    Args:
+        sensors: which samples, of one file and with one time; where there are several, each names its columns.
+        parts: as of `obtain`.
+        at_rest: whether the whole record is taken at rest; where it is not, its samples are not asked.
+
+    Raises:
+        Refused: as `obtain` does.
+    """
+    from hil.logs.columns import read  # noqa: PLC0415 - start-up stays light
+
+    wanted = sensors[0]
+    named = [tuple(name.strip() for name in each.columns.split(",")) if each.columns else () for each in sensors]
+    table = read(wanted.file, [name for each in named for name in each], first=wanted.time or "", clock=True)
+    if len(table.names) == (wanted.time is not None):
+        raise Refused(f"{wanted.file}: there is no column besides the time", "choose another with --columns")
+    twice = [name for name in table.names if table.names.count(name) > 1]
+    if twice:
+        raise Refused(f"column '{twice[0]}' is named twice", "name each column once")
+    timed = _timed(wanted, table) if wanted.rate is None else _untimed(wanted, table)
+    found, names = [], list(timed.channels)
+    for its, columns in zip(sensors, named, strict=True):
+        own, names = (names[: len(columns)], names[len(columns) :]) if columns else (names, [])
+        channels = {name: _scaled(its, name, timed.channels[name]) for name in own}
+        found.append(_log(its, timed, channels, (*table.remarks, *timed.remarks), parts, at_rest=at_rest))
+    return found
+
+
+def _log(
+    wanted: Wanted,
+    timed: _Timed,
+    channels: Mapping[str, NDArray[np.float64]],
+    remarks: tuple[str, ...],
+    parts: str,
+    *,
+    at_rest: bool,
+) -> Log:
     import numpy as np  # noqa: PLC0415 - start-up stays light
 
     from hil.analysis import quality  # noqa: PLC0415 - start-up stays light
-    from hil.logs.columns import read  # noqa: PLC0415 - start-up stays light
 
-    columns = tuple(name.strip() for name in wanted.columns.split(",")) if wanted.columns else ()
-    table = read(wanted.file, columns, first=wanted.time or "", clock=True)
-    if len(table.names) == (wanted.time is not None):
-        raise Refused(f"{wanted.file}: there is no column besides the time", "choose another with --columns")
-    timed = _timed(wanted, table) if wanted.rate is None else _untimed(wanted, table)
     facts = wanted.facts()
-    channels = {name: _scaled(wanted, name, values) for name, values in timed.channels.items()}
     sampled = () if timed.report is None else quality.sampled(timed.seconds, timed.report, facts)
-    gates = (*timed.gates, *sampled, *named_units(channels, wanted.unit), *quality.read(channels, facts, timed.rate))
+    asked = quality.read(channels, facts, timed.rate) if at_rest else ()
     coped = _COPED if timed.report is None or timed.report.jitter <= _JITTER else _COPED - {"jitter"}
     if not any(np.isinf(values).any() for values in channels.values()):
         coped |= {"finite"}
@@ -244,13 +171,8 @@ def obtain(wanted: Wanted, parts: str = "averages") -> Log:
         rate=timed.rate,
         sampling=timed.report,
         channels=_on_grid(timed, channels),
-        gates=gates,
-        remarks=(
-            *table.remarks,
-            *timed.remarks,
-            *_missing(channels, timed.report, parts),
-            *_rounded(channels, facts),
-        ),
+        gates=(*timed.gates, *sampled, *named_units(channels, wanted.unit), *asked),
+        remarks=(*remarks, *_missing(channels, timed.report, parts), *_rounded(channels, facts)),
         coped=coped,
     )
 
@@ -376,7 +298,8 @@ def _missing(channels: Mapping[str, NDArray[np.float64]], report: SamplingReport
     told = [f"column {name}: {count} samples are NaN and count as missing" for name, count in counts.items() if count]
     if report is not None and report.missing:
         number = f"{report.missing} samples are" if report.missing > 1 else "1 sample is"
-        told.append(f"{number} missing; {parts} that miss more than 5 % of their samples are left out")
+        left = f"; {parts} of their samples are left out" if parts else ""
+        told.append(f"{number} missing{left}")
     return told
 
 

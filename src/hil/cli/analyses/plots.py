@@ -19,6 +19,7 @@ from hil.analysis.battery.integration import cumulative
 from hil.analysis.battery.series import SECONDS_PER_HOUR, Series
 from hil.analysis.battery.steps import Segmentation, StepKind, segment
 from hil.analysis.battery.summary import Summary, incremental_capacities
+from hil.analysis.drift import Drift
 from hil.analysis.gyroscope.calibrate import CalibrationReport
 from hil.analysis.gyroscope.fitting import Fit
 from hil.audit.trend import Point, Trend
@@ -27,7 +28,7 @@ from hil.cli.analyses.allan_text import NAMES, Axis, called
 from hil.clock.wall import moment_of
 from hil.model.errors import Refused
 
-__all__ = ["COLOURS", "draw_allan", "draw_battery", "draw_gyroscope", "draw_psd", "draw_trend", "save"]
+__all__ = ["COLOURS", "draw_allan", "draw_battery", "draw_drift", "draw_gyroscope", "draw_psd", "draw_trend", "save"]
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
 """Colours that all eyes tell apart (Okabe and Ito)."""
@@ -71,6 +72,22 @@ def draw_battery(path: Path, data: Series, summary: Summary, how: Segmentation) 
         Refused: another ending, or a file that cannot be written.
     """
     save(path, lambda: _battery(data, summary, how))
+
+
+def draw_drift(path: Path, unit: str, fragments: Sequence[Mapping[str, Drift]]) -> None:
+    """Draw the axes over temperature, a panel each: heating filled, cooling hollow, and the lines of their slopes.
+
+    Args:
+        path: what to write; its ending, .svg or .png, says the format.
+        unit: of the axes.
+        fragments: by axis, all with the same ones.
+
+    Raises:
+        Refused: another ending, nothing to draw, or a file that cannot be written.
+    """
+    if not any(each.time.size for axes in fragments for each in axes.values()):
+        raise Refused(f"{path}: no fragment is long enough to draw", "see what the command says of each")
+    save(path, lambda: _drift(unit, fragments))
 
 
 def draw_gyroscope(path: Path, report: CalibrationReport) -> None:
@@ -311,6 +328,26 @@ def _efficiencies(axes: Axes, summary: Summary) -> None:
         if drawn.size:
             axes.plot(*drawn.T, _MARKS[number], color=COLOURS[number], markersize=4, label=name)
             axes.legend(fontsize="small")
+
+
+def _drift(unit: str, fragments: Sequence[Mapping[str, Drift]]) -> Figure:
+    figure = Figure(figsize=(7.0, 0.6 + 2.6 * len(fragments[0])), dpi=120, layout="constrained")
+    panels = np.atleast_1d(figure.subplots(len(fragments[0]), 1, sharex=True))
+    for axes, name in zip(panels.tolist(), fragments[0], strict=True):
+        for place, each in enumerate(found[name] for found in fragments):
+            mark, colour = _MARKS[place % len(_MARKS)], COLOURS[place % len(COLOURS)]
+            for chosen, fill in ((each.heating > 0, colour), (each.heating <= 0, "none")):
+                across, up = each.temperature[chosen], each.value[chosen]
+                axes.plot(across, up, mark, color=colour, markerfacecolor=fill, markersize=4)
+            if "slope" not in each.reasons:
+                ends = np.array([each.temperature.min(), each.temperature.max()])
+                middle = each.value.mean() - each.slope.value * each.temperature.mean()
+                axes.plot(ends, middle + each.slope.value * ends, color=colour, linewidth=1)
+        axes.set_ylabel(f"{called(name)} [{unit}]")
+        axes.grid(visible=True, color="#dddddd", linewidth=0.5)
+    panels[0].set_title("filled: heating; hollow: cooling or steady; lines: drift", fontsize="small", loc="right")
+    panels[-1].set_xlabel("temperature [degC]")
+    return figure
 
 
 def _gyroscope(parts: list[tuple[str, str, Mapping[str, Fit]]]) -> Figure:

@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from hil.cli.analyses.log import Log, Wanted, log_options, obtain
+from hil.cli.analyses.log import Log, obtain
+from hil.cli.analyses.wanted import Wanted, log_options
+from hil.cli.options import JSON, plot_option
 from hil.model.errors import HilError, Refused
 
 if TYPE_CHECKING:
@@ -57,8 +59,8 @@ __all__ = ["psd"]
     help="White noise of the data sheet, one-sided, such as 0.007 deg/s/sqrt(Hz).",
 )
 @click.option("--points", is_flag=True, help="With --json: give every point of the spectrum, not only bands.")
-@click.option("--plot", type=click.Path(path_type=Path), metavar="FILE", help="Draw the spectra: .svg or .png.")
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON document and nothing else.")
+@plot_option("the spectra")
+@JSON
 def psd(
     *,
     wanted: Wanted,
@@ -89,7 +91,7 @@ def psd(
     if points and not as_json:
         raise Refused("--points changes nothing without --json", "add --json, or leave --points out")
     sheet = _sheet(wanted, density)
-    log = obtain(replace(wanted, noise_density=None), parts="segments")
+    log = obtain(replace(wanted, noise_density=None), parts="segments that miss more than 5 %")
     axes = []
     for name, values in log.channels.items():
         noise = spectral(

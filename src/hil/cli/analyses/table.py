@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from hil.cli.options import JSON
 from hil.model.errors import Refused
 
 if TYPE_CHECKING:
@@ -36,7 +37,7 @@ _JOBS = (".yaml", ".yml")
 @click.option("--formula", default="", metavar="FORMULA", help="Of every cell, such as 100*(b-a)/a.")
 @click.option("--column", "columns", multiple=True, metavar="NAME=FORMULA", help="Formula of one column.")
 @click.option("--all", "every", is_flag=True, help="Print also the cells that follow.")
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON document and nothing else.")
+@JSON
 def table(
     *, file: Path, sources: tuple[str, ...], formula: str, columns: tuple[str, ...], every: bool, as_json: bool
 ) -> int:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from hil.cli.options import JSON
 from hil.documents.text import visible
 from hil.model.errors import HilError, Refused
 
@@ -32,7 +33,7 @@ _MOST = 5
 
 
 @click.command(name="doctor", epilog="Example: hil doctor --json")
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON document and nothing else.")
+@JSON
 def command(*, as_json: bool) -> int:
     """Look whether this computer is fit for the benches of the workspace, and say what to type where it is not.
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from hil.cli.options import plot_option
 from hil.cli.run_names import reports_folder
 from hil.documents.suggest import did_you_mean
 from hil.model.errors import Refused
@@ -29,7 +30,7 @@ _EXACT = 1e-9  # of a number: a smaller scatter is rounding
 @click.option("--of", "member", metavar="NAME", help="Only this member of the limit, such as an axis.")
 @click.option("--hardware", is_flag=True, help="Leave out runs that were simulated or replayed.")
 @click.option("--csv", "as_csv", is_flag=True, help="Print CSV and nothing else.")
-@click.option("--plot", type=click.Path(path_type=Path), metavar="FILE", help="Draw the values: .svg or .png.")
+@plot_option("the values")
 @click.option("--no-cache", is_flag=True, help="Look at every package again, also at those that did not change.")
 def command(
     *,
