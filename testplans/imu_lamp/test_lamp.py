@@ -24,6 +24,17 @@ DRIFT = {
 OFFSET = {"gyroscope.bno": "031", "gyroscope.lsm": "032", "gyroscope.icm": "033", "gyroscope.bmi": "034"}
 """Requirements by the sensor; of all other magnetometers it is 026 and 035."""
 
+HEADLINES = {
+    ("Gyroscope", "drift"): "Drift of gyroscopes",
+    ("Magnetometer", "drift"): "Drift of magnetometers",
+    ("Gyroscope", "offset"): "Offset of gyroscopes at rest",
+    ("Gyroscope", "hysteresis"): "Hysteresis of gyroscopes",
+    ("Magnetometer", "hysteresis"): "Hysteresis of magnetometers",
+    ("", "drift_repeat"): "Second run against first, relative",
+    ("", "drift_unit_deviation"): "Second units against first, relative",
+}
+"""What stands on the first page of the report, by role and parameter."""
+
 REFERENCE = "thermometer.reference"
 _POLL_S = 10.0
 
@@ -72,14 +83,14 @@ class Runs:
 def judged(series, found, axis, run, check):
     """Check drift, offset and hysteresis of one axis."""
     sensor, of = series.name.removesuffix("2"), f"{series.name}.{axis}"
-    told = f"{of}, {run} run"
+    told, role = f"{of}, {run} run", sensor.partition(".")[0].capitalize()
     doubts = list(series.doubts)
     for parameter, figure, requirement in (
         ("drift", "slope", DRIFT.get(sensor, "026")),
         ("offset", "offset", OFFSET.get(sensor, "035")),
         ("hysteresis", "hysteresis", "040" if sensor.startswith("gyroscope") else "041"),
     ):
-        headline = "Drift over temperature" if parameter == "drift" else ""
+        headline = HEADLINES.get((role, parameter), "")
         value = getattr(found, figure)
         why = [*doubts, *found.why(figure)]
         check(f"IMU-LMP-{requirement}", parameter, value, of=of, doubts=why, at=told, headline=headline)
@@ -91,9 +102,9 @@ def draw(series, drifts, chart):
     for axis, found in drifts.items():
         warmer = found.temperature - found.temperature.mean() if len(found.time) else found.temperature
         line, change = found.slope.value * warmer, found.value - found.value.mean() if len(found.time) else found.value
-        for name, leg in (("up", found.heating > 0), ("down", found.heating < 0)):
+        for name, leg in (("heating", found.heating > 0), ("cooling", found.heating < 0)):
             if leg.any():
-                model = (found.temperature[leg], line[leg]) if name == "up" else None
+                model = (found.temperature[leg], line[leg]) if name == "heating" else None
                 residual = (change - line)[leg]
                 across, upward = found.temperature[leg], change[leg]
                 curves.append(Curve(name=f"{axis} {name}", x=across, y=upward, model=model, residual=residual))
@@ -160,6 +171,7 @@ def test_lamp(chamber, relays, thermometer, clock, sensor_set, check, chart, ste
                     ("051", "drift_unit_deviation", other, f"{name}2.{axis}"),
                 ):
                     deviation = relative_deviation(first, second)
-                    check(f"IMU-LMP-{number}", parameter, deviation.relative, of=of, at=f"{of}: {deviation.remark}")
+                    told, headline = f"{of}: {deviation.remark}", HEADLINES["", parameter]
+                    check(f"IMU-LMP-{number}", parameter, deviation.relative, of=of, at=told, headline=headline)
         for role in ("gyroscope", "magnetometer"):
             ranked(drifts["first"], role, artifact)

@@ -59,6 +59,10 @@ class Campaign:
 
     def run(self, sensors, resting, check, chart, step, parameters):
         """Record and judge one model after the other; only figures stay of what was recorded."""
+        with step(f"Put every {self.role} to sleep, so that only those that are recorded run"):
+            for name in self.models:
+                for unit in (name, f"{name}2"):
+                    getattr(sensors, unit).stop()
         for name, model in self.models.items():
             with step(f"Record the {self.role} of two {model} at rest"):
                 rested = resting.record(
@@ -78,7 +82,7 @@ class Campaign:
         """Check what the record of one unit tells of its axes, and draw their deviations."""
         curves, model = [], self.models[name]
         asked = {
-            "white_noise": (self.white_of[name], f"White noise, {model}"),
+            "white_noise": (self.white_of[name], f"White noise, {self.role} of the {model}"),
             "flicker": (self.slow, ""),
             "random_walk": (self.slow, ""),
             "psd_agreement": (self.cross, "Spectrum against Allan deviation"),

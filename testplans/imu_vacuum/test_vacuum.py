@@ -15,6 +15,9 @@ NAMES = ("gyroscope.bno", "magnetometer.bno", "magnetometer.lsm", "magnetometer.
 DRIFT = {"gyroscope.bno": "020", "magnetometer.bno": "021"}
 """Requirements with a limit of a data sheet, by the sensor; of all others it is 022."""
 
+HEADLINES = {"drift": "Drift over temperature", "drift_time": "Drift over time"}
+"""What stands on the first page of the report, by parameter."""
+
 COLUMNS = (
     *("log", "sensor and axis", "begin s", "length s", "samples", "temperature change K", "temperature K/h"),
     *("drift per K", "uncertainty per K", "drift per h", "uncertainty per h", "why nothing is said"),
@@ -147,7 +150,7 @@ def judge(found, check):
                 poor = [f"{each.log}: {why}" for each in telling for why in each.drifts[axis].why(figure)]
                 for each in told:
                     value, at = getattr(each.drifts[axis], figure), f"{of}, {each.log}"
-                    headline = "Drift over temperature" if parameter == "drift" else ""
+                    headline = f"{HEADLINES[parameter]} of {name.partition('.')[0]}s"
                     check(
                         f"IMU-TVC-{requirement}",
                         parameter,
@@ -163,7 +166,10 @@ def judge(found, check):
 
 
 def draw(found, chart, reference):
-    """Draw every sensor over temperature, all ways together, without the means, and the lines of the widest way."""
+    """Draw every sensor over temperature, and the drift of every way of those for which there is a limit.
+
+    All ways are drawn together, without their means, with the lines of the widest way.
+    """
     for name in NAMES:
         ways = [each for each in found if each.name == name and each.changed >= _STEADY_K]
         if not ways:
@@ -173,13 +179,38 @@ def draw(found, chart, reference):
             if line.why("slope"):
                 continue
             told = [each.drifts[axis] for each in ways if len(each.drifts[axis].time)]
-            value = np.concatenate([each.value for each in told])
+            across, value, heating = (
+                np.concatenate([getattr(each, what) for each in told]) for what in ("temperature", "value", "heating")
+            )
             ends = np.array([line.temperature.min(), line.temperature.max()])
             model = (ends, line.offset.value + line.slope.value * (ends - reference) - value.mean())
-            across = np.concatenate([each.temperature for each in told])
-            curves.append(Curve(name=axis, x=across, y=value - value.mean(), model=model))
+            for leg, branch in (("heating", heating > 0), ("cooling", heating < 0)):
+                curves.append(
+                    Curve(
+                        name=f"{axis} {leg}",
+                        x=across[branch],
+                        y=value[branch] - value.mean(),
+                        model=model if leg == "heating" else None,
+                    )
+                )
         if curves:
             chart(f"{name} over temperature", *curves, x=("temperature", "degC"), y=("change", ways[0].unit))
+        if name in DRIFT:
+            each_way(name, ways, chart)
+
+
+def each_way(name, ways, chart):
+    """Draw what each way of one sensor says of its drift, with its bars, against the limit."""
+    curves = []
+    for axis in "xyz":
+        told = [(float(each.log.split()[1]), each.drifts[axis]) for each in ways]
+        told = [(number, drift.slope) for number, drift in told if not drift.why("slope")]
+        if told:
+            numbers, slopes = zip(*told, strict=True)
+            curves.append(Curve(name=axis, x=numbers, y=slopes))
+    if curves:
+        of, unit = (f"IMU-TVC-{DRIFT[name]}", "drift"), f"{ways[0].unit}/K"
+        chart(f"{name}, drift of each way", *curves, x=("way", "1"), y=("drift", unit), limit=of)
 
 
 @pytest.mark.requirement(*(f"IMU-TVC-{number}" for number in ("010", "011", "020", "021", "022", "030", "031")))
@@ -198,10 +229,11 @@ def test_vacuum(thermal, clock, sensor_set, check, chart, step, artifact, parame
             found += fragments_of(log, series, parameters.reference)
     lasted = times[-1][-1] - times[0][0]
     with step("Look at the profile"):
-        check("IMU-TVC-010", "hottest", Figure(value=max(each.max() for each in warmth), unit="degC"))
-        check("IMU-TVC-010", "coldest", Figure(value=min(each.min() for each in warmth), unit="degC"))
-        check("IMU-TVC-010", "duration", Figure(value=lasted / 3600.0, unit="h"))
-        check("IMU-TVC-011", "recorded", Figure(value=recorded / lasted, unit="1"))
+        hottest, coldest = max(each.max() for each in warmth), min(each.min() for each in warmth)
+        check("IMU-TVC-010", "hottest", Figure(value=hottest, unit="degC"), headline="Hottest")
+        check("IMU-TVC-010", "coldest", Figure(value=coldest, unit="degC"), headline="Coldest")
+        check("IMU-TVC-010", "duration", Figure(value=lasted / 3600.0, unit="h"), headline="Duration")
+        check("IMU-TVC-011", "recorded", Figure(value=recorded / lasted, unit="1"), headline="Part recorded")
     with step("Say what each fragment shows"):
         artifact("fragments.csv", table(found))
         draw(found, chart, parameters.reference)

@@ -298,6 +298,7 @@ def test_first_cycles_can_be_left_out():
     assert fade(np.arange(1, 31), values, "Ah", skip=3).slope.value == pytest.approx(-0.001)
 
 
+@pytest.mark.system
 def test_intervals_hold_the_truth_as_often_as_they_say():
     """Over 400 simulated fades 95 % of slopes' and ends' intervals hold the truth, within 3.3 standard deviations."""
     noise, hits, ends = np.random.default_rng(11), 0, 0
@@ -408,6 +409,7 @@ def test_times_are_as_uncertain_as_the_clock():
         assert figure.uncertainty >= 0.01 * figure.value
 
 
+@pytest.mark.system
 def test_the_end_of_a_discharge_is_as_uncertain_as_what_no_line_shows():
     """Wherever the lines of a tester fall, the voltage at the end lies as far below the last as is stated at most."""
     time, voltage, current = cell.cycle(0.1)

@@ -50,6 +50,7 @@ def test_the_published_cycle_comes_out():
     assert discharged.rise == pytest.approx(32.9 - 24.1, abs=1.5)
 
 
+@pytest.mark.system
 def test_the_published_loss_comes_out():
     """In 844 hours, charged at 40 and discharged at 10 degC, a discharge loses what 70 to 65 is: 7.1 %."""
     plant = battery(20)

@@ -88,6 +88,7 @@ def table(generator, noise, *, curvature=0.0, rate=13.6, temperatures=TEMPERATUR
     return readings
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("curvature", [0.0, 2e-4])
 def test_intervals_of_bias_and_scale_cover_as_they_claim(curvature):
     """1200 intervals in a soak, pooled over axes, parameters and seeds, tables of six temperatures: 68 % and 95 %."""
@@ -170,6 +171,7 @@ def test_what_all_readings_share_is_added_to_what_their_scatter_says():
     assert wide == pytest.approx(np.hypot(own, 0.002), rel=1e-3)
 
 
+@pytest.mark.system
 def test_intervals_of_calibrated_rates_cover_as_they_claim():
     """600 corrected readings in a soak, at 13.6 deg/s and 33 degC: 95 % of reading, bias and scale together."""
     generator = np.random.default_rng(33)
@@ -186,6 +188,7 @@ def test_intervals_of_calibrated_rates_cover_as_they_claim():
     assert within_band(hits, trials, 0.95)
 
 
+@pytest.mark.system
 @pytest.mark.parametrize(("alpha", "band"), [("white", (0.93, 0.97)), ("walk", (0.9, 1.0))])
 def test_intervals_of_means_at_rest_cover(alpha, band):
     """400 records in a soak: 95 % intervals hold the mean of white noise, and the middle of a random walk."""
@@ -209,6 +212,7 @@ def test_slow_noise_costs_more_than_the_number_of_samples_says():
     assert rest_mean(walk, 100.0, "deg/s").uncertainty > 20.0 * walk.std() / math.sqrt(20_000)
 
 
+@pytest.mark.system
 def test_curvature_is_found_where_it_is_and_only_there():
     """Of 100 tables in a soak: a curvature of ten uncertainties is always found, and seldom invented."""
     generator = np.random.default_rng(36)

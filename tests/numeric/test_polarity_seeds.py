@@ -20,6 +20,8 @@ from hil.clock.port import NANOSECONDS
 from hil.plugin.plans.markers import MARKERS
 from hil.wire.transcript import Transcript
 
+pytestmark = pytest.mark.system  # each seed is a whole campaign's data
+
 SEEDS = sweeps.chosen(16, 200)
 SHORTER = SimpleNamespace(current=0.016, phase=0.25, rate=40.0, repetitions=2)
 WHOLE = SimpleNamespace(current=0.016, phase=1.0, rate=40.0, repetitions=4)

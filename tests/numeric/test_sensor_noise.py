@@ -67,6 +67,7 @@ def test_quantisation_of_the_angle():
     assert_within(variance, 3e-8 * (RATE / m) ** 2, edf, tolerance=0.01)
 
 
+@pytest.mark.system
 def test_flicker_noise_is_flat_within_five_percent():
     """0.664 B from two samples to a sixteenth of three hours; 22 % above it at one sample."""
     m, variance, edf = pooled(NoiseLevels(flicker=2e-3), count=2**20, records=4)
@@ -75,6 +76,7 @@ def test_flicker_noise_is_flat_within_five_percent():
     assert np.sqrt(variance[0]) / (FLOOR * 2e-3) == pytest.approx(1.22, abs=0.02)
 
 
+@pytest.mark.system
 def test_the_sum_is_what_an_analysis_finds():
     """Coefficients that were put in come out: N within 1 %, B within three standard deviations of 10 %."""
     levels = NoiseLevels(white=3.4e-3, flicker=1.5e-3, random_walk=1e-5)

@@ -20,6 +20,7 @@ def wandering(generator, phi, size):
     return lfilter([1.0], [1.0, -phi], generator.standard_normal(size + 500))[500:]
 
 
+@pytest.mark.system
 @pytest.mark.parametrize(("phi", "size", "seed"), [(0.0, 12, 1), (0.0, 200, 2), (0.6, 600, 3), (0.9, 3000, 4)])
 def test_intervals_of_the_mean_cover(phi, size, seed):
     """95 % intervals hold the true mean 93 to 97.5 times in 100, for white and for correlated samples."""

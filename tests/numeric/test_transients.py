@@ -58,6 +58,7 @@ def test_peak_and_charge_of_an_inrush():
     assert charge(TIME, INRUSH + 1.0, "A", baseline=0.0).value == pytest.approx(total.value + TIME[-1], rel=1e-3)
 
 
+@pytest.mark.system
 def test_errors_stay_within_three_uncertainties():
     """Sampled at any phase and quantised, every figure is where its uncertainty says: 400 captures, fixed seed."""
     random = np.random.default_rng(14)

@@ -63,9 +63,10 @@ def test_fuse_and_thermistor_are_safety_confirmations(tmp_path):
 
 
 def test_no_file_gives_them_on_a_served_bench(tmp_path):
-    """Prepared answers of these names are not taken: the case is an ERROR that says who has to answer."""
+    """Prepared answers of these names are not taken: nothing is opened, and the error says who has to answer."""
     workspace = workspace_of(tmp_path / "w")
     with served(tmp_path / "e", workspace.root, speed=4.0):
         ended = workspace.hil(*workspace.run_arguments, "--served", str(tmp_path / "e"), "--answers", "answers.yaml")
-    assert ended.code == 1, ended.out + ended.err
-    assert "is a safety confirmation: a person gives it live, by name, at each arm" in ended.out
+    assert ended.code == 4, ended.out + ended.err
+    assert "is a safety confirmation: a person gives it live, by name, at each arm" in ended.err
+    assert workspace.folders() == []

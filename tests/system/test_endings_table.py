@@ -124,7 +124,8 @@ BODIES = {
 """What the case does, where that is what ends it."""
 
 IN_PHASE = {
-    "prompt": 'begun()\noperator.confirm("Is every fan turning?", name="fans")',
+    # A question that is read from the code would be refused without a terminal before anything is switched on.
+    "prompt": 'begun()\nask = operator.confirm\nask("Is every fan turning?", name="fans")',
     "between cases": "pass",
     "sealing": "clock.sleep(1.0)",
     "resuming": 'for _ in iterations("Turn", 9):\n    begun()\n    clock.sleep(36000.0)',

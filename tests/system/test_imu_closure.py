@@ -33,6 +33,7 @@ def workspace(tmp_path_factory):
     ignored = shutil.ignore_patterns("__pycache__")
     shutil.copytree(ROOT / "fixtures", root / "fixtures", ignore=ignored)
     shutil.copytree(ROOT / "testplans" / "imu_closure", root / "testplans" / "imu_closure", ignore=ignored)
+    shutil.copy(ROOT / "testplans/requirements.yaml", root / "testplans/requirements.yaml")
     (root / "hil.toml").touch()
     return root
 

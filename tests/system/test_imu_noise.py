@@ -9,7 +9,7 @@ import shutil
 
 import pytest
 import sweeps
-from told_as_json import bodies
+from told_as_json import bodies, results_as_json
 from workspaces import ROOT, Workspace
 
 from hil.bench.file.reading import load_bench
@@ -167,4 +167,20 @@ def test_folded_noise_closes_nothing(tmp_path):
     folded = {axis for axis, each in white.items() if "aliased: the bandwidth, 35.5431 Hz" in each["reason"]}
     assert folded == {f"gyroscope.{unit}.{axis}" for unit in ("bno", "bno2") for axis in "xyz"}
     assert {white[axis]["verdict"] for axis in folded} == {"INCONCLUSIVE"}
+    assert ended.code != 0
+
+
+@pytest.mark.parametrize(
+    "fault", sweeps.sample(["saturated, until: 26 s", "stuck", "asleep", "dead", "garbled", "temperature-raw"], 2)
+)
+def test_a_fault_in_the_middle_of_a_record_passes_no_axis(tmp_path, fault):
+    """Whatever the part before it shows: no check of an axis of that sensor passes, and none is recorded."""
+    changes = {"    bno1:\n": f"    bno1:\n      faults: [{{from: 25 s, kind: {fault}}}]\n"}
+    workspace = plan_workspace(tmp_path / "workspace", 40, changes)
+    ended = workspace.run(bench="imu", dut="SIM-IMU-1", skips={"test_magnetometers": "not asked here"})
+    touched = [each for each in bodies(ended.package, "check") if str(each["of"]).startswith("gyroscope.bno.")]
+    assert {each["verdict"] for each in touched} <= {"FAIL", "INCONCLUSIVE", "ERROR"}
+    (found,) = [each for each in results_as_json(ended.package)["cases"] if "gyroscopes" in each["case"]]
+    assert found["verdict"] in {"FAIL", "INCONCLUSIVE", "ERROR"}
+    assert found["requirements"]["IMU-NOI-011"] in {"FAIL", "INCONCLUSIVE", "ERROR"}
     assert ended.code != 0

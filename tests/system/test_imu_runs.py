@@ -10,7 +10,7 @@ from workspaces import ROOT, make
 pytestmark = pytest.mark.system
 
 SENSORS = {
-    "gyroscope": ("deg/s", {"bno": 10.0, "lsm": 10.0, "icm": 112.5, "bmi": 100.0}),
+    "gyroscope": ("deg/s", {"bno": 10.0, "lsm": 14.9, "icm": 112.5, "bmi": 100.0}),
     "accelerometer": ("m/s2", {"lsm": 10.0, "icm": 10.0, "bmi": 10.0}),
     "magnetometer": ("uT", {"bno": 5.0, "lsm": 5.0, "icm": 10.0, "lis": 5.0}),
 }

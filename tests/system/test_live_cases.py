@@ -18,6 +18,7 @@ pytestmark = [pytest.mark.system, pytest.mark.alone, pytest.mark.timeout(400)]
 SPEED = 4.0
 SIGNATURE = {"clock, check, step, operator)": "clock, record, iterations, operator, check, step)"}
 ANSWERS = 'schema: hil/answers/1\nanswers: {ready: "yes"}\n'
+NO_ANSWERS = "schema: hil/answers/1\nanswers: {}\n"
 
 ASKS_AND_COMPUTES = """\
 operator.confirm("Is the box closed?", name="ready")
@@ -57,7 +58,8 @@ def going(bench, root, body):
     """Start a run whose case does this with every output on; nothing of it is left behind."""
     workspace = without_git(live_workspace(root, body))
     workspace.change("testplans/on/test_on.py", SIGNATURE)
-    (root / "answers.yaml").write_text(ANSWERS, encoding="utf-8")
+    answers = ANSWERS if '"ready"' in body else NO_ANSWERS
+    (root / "answers.yaml").write_text(answers, encoding="utf-8")
     words = ("run", "on", "--bench", "battery", "--dut", "SIM-BAT-1", "--source", "simulated", "--answers")
     process = workspace.start(
         *words, "answers.yaml", "--served", str(bench.folder), stdout=subprocess.PIPE, stderr=subprocess.STDOUT

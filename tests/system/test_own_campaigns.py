@@ -92,4 +92,6 @@ def test_the_gyroscope_on_hardware_would_close_what_no_analysis_has_to(tmp_path)
     assert found["summary"]["closed"] == 0
     assert len(would) == 10
     assert {name for name, left in would.items() if left} == by_analysis
-    assert all(would[name] == ["its method is analysis, which no run closes"] for name in by_analysis)
+    assert all(
+        would[name] == ["its method is analysis, and no document was attached in its cases"] for name in by_analysis
+    )

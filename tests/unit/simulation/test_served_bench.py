@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+import sweeps
 from echo import EchoPeer
 from served import Wall, bench_of
 
@@ -163,7 +164,7 @@ def devices():
                 yield pytest.param(name, instrument.name, kind, id=f"{name}-{instrument.name}-{kind}")
 
 
-@pytest.mark.parametrize(("name", "device", "kind"), list(devices()))
+@pytest.mark.parametrize(("name", "device", "kind"), sweeps.sample(devices(), 31))
 def test_every_fault_can_come_while_the_bench_lives(name, device, kind):
     """A fault that is injected twice changes nothing at that instant, and the bench goes on."""
     bench = bench_of(name)

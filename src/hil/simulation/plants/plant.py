@@ -245,6 +245,9 @@ class Plant(Stateful, ABC):
         moments = self._moments_between(first, last)
         if first < moments[0].at_ns or last > self._now_ns:
             raise ValueError(f"plant {self.name} cannot be observed at {first} to {last} ns, it is {self._now_ns} ns")
+        if len(moments) == 1:
+            value, slope = self._line(signal, moments[0], None)
+            return np.asarray(value + slope * (times_ns - moments[0].at_ns), dtype=np.float64)
         following = [*moments[1:], None]
         lines = np.array([self._line(signal, *pair) for pair in zip(moments, following, strict=True)])
         starts = np.array([moment.at_ns for moment in moments], dtype=np.int64)
