@@ -32,7 +32,7 @@ run: setup
 test: setup
 	$(BIN)/python -m pytest -m "not system" --ignore tests/bench $(SHARED)
 
-# A sample of whole campaigns and of runs in processes of their own. Tests of live timing run last.
+# A sample of whole campaigns and runs, and statistics of many trials. Tests of live timing run last.
 system: setup
 	$(BIN)/python -m pytest -m "system and not alone" $(SHARED)
 	$(BIN)/python -m pytest -m "system and alone" $(WAITING)

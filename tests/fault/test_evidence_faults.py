@@ -259,7 +259,6 @@ def test_a_seal_without_space_can_be_finished_later(tmp_path, monkeypatch):
     assert verify(folder).state is State.SEALED
 
 
-@pytest.mark.usefixtures("quick_disk")
 def test_a_torn_tail_is_cut_at_every_byte(tmp_path):
     """Wherever the last line was torn: the lines before stay, the tail is kept, and cutting twice changes nothing."""
     folder = tmp_path / "run"
@@ -298,13 +297,6 @@ def test_a_torn_run_is_recovered_and_says_so(tmp_path):
     package = Package(folder)
     assert bodies(package, "recovered")[0]["torn_bytes"] == 20
     assert package.text(TORN) == '{"body":{"kind":"che'
-
-
-@pytest.fixture
-def quick_disk(monkeypatch):
-    """Sync nothing: a killed process takes nothing with it that it gave to the system, only a power cut does."""
-    monkeypatch.setattr(os, "fsync", lambda _: None)
-    monkeypatch.setitem(Journal.__init__.__kwdefaults__, "sync", lambda _: None)
 
 
 def dies_at(step, work):
@@ -352,7 +344,7 @@ def unsealed(tmp_path, step):
 STRIDE = sweeps.chosen(9, 1)  # of the steps after which a seal or a recovery is killed
 
 
-@pytest.mark.usefixtures("quick_disk")
+@pytest.mark.system
 def test_a_seal_that_dies_anywhere_is_finished(tmp_path):
     """Whichever step of sealing was the last one, recovery seals a package without findings."""
     verdicts = set()
@@ -379,7 +371,7 @@ def test_a_seal_that_dies_anywhere_is_finished(tmp_path):
     assert verdicts == {"PASS", "ABORTED"}
 
 
-@pytest.mark.usefixtures("quick_disk")
+@pytest.mark.system
 def test_a_recovery_that_dies_anywhere_is_finished(tmp_path):
     """Whichever step of a recovery was the last one, the next recovery seals the run; its tail and rows are there."""
     for step in range(0, 500, STRIDE):

@@ -3,30 +3,19 @@
 from __future__ import annotations
 
 import functools
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import pytest
 import sweeps
+from quick_disk import nothing_waits_for_the_disk  # noqa: F401 - a fixture
 from read_once import equal_documents_are_read_once  # noqa: F401 - a fixture
 from told_as_json import bodies, results_as_json
 from workspaces import Ran, agreed, make, module, said_of
 
-from hil.evidence.journal.writer import Journal
 from hil.executive.setup import software
 from hil.model.errors import ConfigurationError
 from hil.model.verdict import Verdict, worst
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _quick_disk():
-    """Sync nothing in this process: what only a power cut would take is proven in `tests/unit/evidence`."""
-    with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(os, "fsync", lambda _: None)
-        patched.setitem(Journal.__init__.__kwdefaults__, "sync", lambda _: None)
-        yield
-
 
 _SOURCE = functools.cache(software._source)
 

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import hashlib
 
+import pytest
 from told_as_json import bodies
 from workspaces import agreed, make
 
 from hil.plugin.rehearsing import replay
+
+pytestmark = pytest.mark.system  # each test is a whole run
 
 CASE = '''
 @pytest.mark.requirement("T-010")

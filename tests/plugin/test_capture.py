@@ -13,6 +13,8 @@ from hil.plugin.rehearsing import replay
 from hil.report.export.csv_table import TableFormat
 from hil.report.export.package import ExportRequest, export_package
 
+pytestmark = pytest.mark.system  # each test is a whole run
+
 REQUIREMENTS = """\
 - {id: T-110, rev: 1, text: The coil's current shall rise within its time., kind: limit, method: test,
    limits: [{parameter: rise_time, unit: us, min: "20", max: "40", decision: guarded}]}

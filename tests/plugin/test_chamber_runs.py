@@ -8,6 +8,8 @@ from workspaces import agreed, make
 
 from hil.plugin.rehearsing import replay
 
+pytestmark = pytest.mark.system  # each test is a whole run
+
 CASES = (
     """
     @pytest.mark.requirement("T-010")

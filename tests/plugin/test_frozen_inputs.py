@@ -108,6 +108,7 @@ def held(ran, name):
     return found.read_bytes()
 
 
+@pytest.mark.system
 def test_what_an_editor_saves_while_a_run_is_collected_is_not_used(edited):
     """A module that rewrites its source, lock, bench, register or requirements changes nothing, and that is told."""
     ran, before = edited

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import pytest
 from told_as_json import bodies
 from workspaces import agreed, make
 
 from hil.plugin.rehearsing import replay
+
+pytestmark = pytest.mark.system  # each test is a whole run
 
 WIRE = 'contacts: {a: "1", b: "2"}, hazardous: false,'
 HELD = 'contacts: {a: "1", b: "2"}, settings: {beat: 6 s},'

@@ -13,6 +13,8 @@ from hil.guardian.latch import Latch
 from hil.model.errors import Refused
 from hil.plugin.running import resume
 
+pytestmark = pytest.mark.system  # each test is a whole run
+
 CASE = """
 @pytest.mark.requirement("T-010")
 def test_ratio(check, field):

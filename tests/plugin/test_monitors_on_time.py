@@ -13,6 +13,8 @@ from hil.plugin.rehearsing import replay
 from hil.requirements.catalogue import load_catalogue
 from hil.requirements.lock import lock_text
 
+pytestmark = pytest.mark.system  # each test is a whole run
+
 PLAN = """
 import pytest
 

@@ -11,6 +11,8 @@ from hil.evidence.journal.reader import read_journal
 from hil.executive.setup.workspace import find_workspace
 from hil.model.errors import ConfigurationError
 
+pytestmark = pytest.mark.system  # each test is a whole run
+
 CASE = """
 @pytest.mark.requirement("T-010")
 def test_ratio(check, field):

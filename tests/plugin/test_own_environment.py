@@ -131,6 +131,7 @@ def test_a_python_without_room_for_calls_is_refused(capsys):
     assert re.match(r"hil: this Python allows only \d+ nested calls, and hil may need 500\n     something", told)
 
 
+@pytest.mark.system
 def test_packages_of_an_environment_in_the_workspace_stay_loaded(tmp_path, monkeypatch):
     """What is installed below the workspace is not forgotten after a run; modules of plans and fixtures are."""
     workspace = make(tmp_path / "workspace", CASE)

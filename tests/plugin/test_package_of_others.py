@@ -14,6 +14,8 @@ from hil.evidence.package.verification import verify
 from hil.model.errors import ConfigurationError
 from hil.plugin.rehearsing import procedure, replay
 
+pytestmark = pytest.mark.system  # each test is a whole run
+
 BENCH = """\
 schema: hil/bench/1
 bench: {name: air, title: A rail, place: Table 1}

@@ -59,6 +59,7 @@ def pytest_in(folder, *arguments) -> Ended:
     return Ended(done.returncode, done.stdout, done.stderr)
 
 
+@pytest.mark.system
 def test_plain_pytest_runs_a_plan_and_seals(tmp_path):
     """A named bench makes a run of an ordinary pytest, with a package at its end."""
     workspace = make(tmp_path / "workspace", GOOD)
@@ -71,6 +72,7 @@ def test_plain_pytest_runs_a_plan_and_seals(tmp_path):
     assert bodies(Package(folder), "end")[0]["exit_code"] == 0
 
 
+@pytest.mark.system
 def test_plain_pytest_runs_the_plans_of_this_repository(capfd, monkeypatch):
     """Its own settings do not keep the plugin out; without an article it says which option is missing."""
     monkeypatch.chdir(ROOT)
@@ -83,6 +85,7 @@ def test_plain_pytest_runs_the_plans_of_this_repository(capfd, monkeypatch):
     assert "no device under test is named; add --dut SERIAL; fixtures/duts.yaml has SIM-ADCS-1, " in said.err
 
 
+@pytest.mark.system
 def test_plain_pytest_tells_verdicts_and_keeps_deselected_cases(tmp_path, pytest_here):
     """A case that pytest takes out was planned all the same, and the run is no pass."""
     workspace = make(tmp_path / "workspace", GOOD.replace('"ratio", 1.0', '"ratio", 9.0'))
@@ -95,6 +98,7 @@ def test_plain_pytest_tells_verdicts_and_keeps_deselected_cases(tmp_path, pytest
     assert results["cases"][1]["verdict"] == "FAIL"
 
 
+@pytest.mark.system
 def test_a_case_named_alone_leaves_the_others_of_its_plan_not_run(tmp_path, pytest_here):
     """A run of one case is no pass of its plan: all were planned, the run says so, and its package replays."""
     workspace = make(tmp_path / "workspace", GOOD)
@@ -152,6 +156,7 @@ def test_plain_pytest_refuses_wrong_files_and_names(tmp_path, pytest_here):
     assert workspace.folders() == []
 
 
+@pytest.mark.system
 def test_an_unrelated_pytest_run_is_untouched(tmp_path, pytest_here):
     """Without a bench the plugin adds options and nothing else: no fixture, no marker, no import."""
     (tmp_path / "test_other.py").write_text(

@@ -10,6 +10,8 @@ from workspaces import ROOT, Workspace
 
 from hil.evidence.package.verification import verify
 
+pytestmark = pytest.mark.system  # each test is a whole run
+
 PAGE = (ROOT / "docs/how-to/load-a-rail.md").read_text(encoding="utf-8")
 CAPTURE = (ROOT / "docs/how-to/capture-a-waveform.md").read_text(encoding="utf-8")
 REQUIREMENTS = """\

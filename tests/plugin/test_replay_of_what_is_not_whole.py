@@ -15,6 +15,8 @@ from hil.evidence.package.contents import Package
 from hil.model.errors import ConfigurationError
 from hil.plugin.rehearsing import replay
 
+pytestmark = pytest.mark.system  # each test is a whole run
+
 REFERENCE = Path(__file__).parents[2] / "reports" / "reference"
 
 

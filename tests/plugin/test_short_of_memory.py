@@ -16,6 +16,8 @@ from hil.evidence.package.verification import verify
 from hil.executive.resuming.preconditions import resumed_request
 from hil.plugin.running import resume, run
 
+pytestmark = pytest.mark.system  # each test is a whole run
+
 CASE = """
     @pytest.mark.requirement("T-030")
     @pytest.mark.max_duration(60)

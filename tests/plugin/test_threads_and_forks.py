@@ -5,11 +5,14 @@ from __future__ import annotations
 import os
 import signal
 
+import pytest
 from told_as_json import bodies
 from workspaces import agreed, make
 
 from hil.bench.lease import holds_a_lease
 from hil.evidence.folder import is_held
+
+pytestmark = pytest.mark.system  # each test is a whole run
 
 CASE = """
 import os

@@ -291,6 +291,7 @@ def test_a_dead_magnetometer_is_an_error(tmp_path):
     assert ends["001-test_one-field"]["rows"] > 0
 
 
+@pytest.mark.system
 def test_a_silent_device_under_test_fails_what_speaks_of_it(tmp_path):
     """Silence of the DUT is FAIL where a requirement is about its answers, and INCONCLUSIVE elsewhere."""
     cases = """
@@ -650,6 +651,7 @@ def test_a_hook_that_hides_an_exception_hides_nothing_from_the_run(tmp_path):
     assert "\n" not in found.reasons("test_one")
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("until", ["until: 1000 s", "until: 6 s"], ids=["all", "some"])
 def test_data_that_are_no_numbers_are_inconclusive(tmp_path, until):
     """A recording of NaN is there, and shows nothing: the requirement is not RECORDED."""
@@ -773,6 +775,7 @@ def test_each(name, check):
 """
 
 
+@pytest.mark.system
 def test_a_name_without_parameters_skips_all_of_them(tmp_path):
     """Each case of the function is NOT_RUN with the reason; one that is named has its own."""
     workspace = make(tmp_path / "workspace", PARAMETRISED, LAST)

@@ -9,6 +9,8 @@ from workspaces import agreed, make
 
 from hil.plugin.rehearsing import replay
 
+pytestmark = pytest.mark.system  # each test is a whole run
+
 CASE = """
     @pytest.mark.requirement("T-010")
     @pytest.mark.max_duration(7200)

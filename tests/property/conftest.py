@@ -5,6 +5,7 @@ from __future__ import annotations
 import sweeps
 from hypothesis import settings
 from hypothesis.internal.conjecture import providers
+from quick_disk import nothing_waits_for_the_disk  # noqa: F401 - a fixture
 
 settings.register_profile("sample", max_examples=sweeps.examples(100), derandomize=True, deadline=None)
 settings.register_profile("soak", max_examples=sweeps.examples(100), deadline=None)

@@ -27,7 +27,7 @@ LIMITS = st.lists(
 
 
 def recorded(folder, period_s, share, limits, count, gap_s, before_s):
-    """Record once to know how long everything takes, then as required; return the verdicts, and the refusal if any."""
+    """Record three samples, to know how long one takes, then as required; return verdicts, and the refusal if any."""
     asked = Records(
         recording="field", channels=("x", "y"), rate_hz=1 / period_s, duration_s=count * period_s, max_gap_s=gap_s
     )
@@ -38,7 +38,7 @@ def recorded(folder, period_s, share, limits, count, gap_s, before_s):
     requirement = Requirement(id="T-1", rev=1, text="Record.", kind=Kind.RECORD, records=asked)
     case = Case(folder, asked=(requirement,), watched=watched, sample_s=share * period_s)
     case.scheduler.sleep(1.0)
-    case.run.record("before", case.field, duration=2 * period_s, rate=1 / period_s)
+    case.run.record("before", case.field, duration=3 * period_s, rate=1 / period_s)
     case.scheduler.sleep(before_s)
     try:
         case.run.record("field", case.field, duration=count * period_s, rate=1 / period_s)

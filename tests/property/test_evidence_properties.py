@@ -9,7 +9,7 @@ import msgspec
 import pytest
 import sweeps
 from evidence_runs import begin, check, sealed_run, write_report
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from hil.documents.canonical import JsonError, canonical, digest, parse_strict
@@ -127,6 +127,8 @@ def test_a_text_is_known_again_as_the_writer_writes_it(value):
 
 
 @given(READABLE)
+@example(0.0)
+@example(-3.0)
 @settings(max_examples=sweeps.examples(300), deadline=None)
 def test_a_digest_is_the_same_where_numbers_are_known_to_be_finite(value):
     """The library writes the text only where it is the canonical one."""

@@ -190,6 +190,7 @@ STARTED = (
 )
 
 
+@pytest.mark.system
 @settings(max_examples=sweeps.examples(60), deadline=None, derandomize=True)
 @given(
     before=st.lists(deeds(BATTERY, PAUSES), max_size=6),
@@ -203,6 +204,7 @@ def test_a_battery_in_a_test(before, pause_ns, after, at_once):
     assert second == first
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("which", sweeps.chosen(["whole"], ["small", "whole"]))
 @settings(max_examples=sweeps.examples(30), deadline=None, derandomize=True)
 @given(data=st.data())

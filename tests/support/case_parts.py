@@ -25,6 +25,8 @@ from hil.executive.cases.steps import Steps
 from hil.executive.ending.stop import StopFlags
 from hil.executive.journaling.row_store import RowStore
 from hil.executive.people.answers import Nobody
+from hil.executive.people.at_hand import AtHand
+from hil.executive.people.files import Shelf
 from hil.executive.setup.head import PlannedCase
 from hil.executive.setup.workspace import Workspace
 from hil.executive.watching.ports import Distress, NoMachine
@@ -279,6 +281,8 @@ class Case:
         steps = Steps("plan/test_x.py::test_x", self.written, self.clock.now)
         effects = Effects(self.written, steps, recall, self.flags.undisturbed)
         (folder / "data/recordings").mkdir(parents=True)
+        attachments = folder / "data/attachments"
+        attachments.mkdir(parents=True)
         self.store = RowStore(folder, self.written)
         used: dict[str, str] = {}
         self.run = CaseRun(
@@ -292,9 +296,16 @@ class Case:
             record=Recorder(
                 steps, self.scheduler, effects, self.store, Source.SIMULATED, required_gaps(chosen.values())
             ),
-            artifact=Artifacts(steps, effects, self.written, folder / "data/attachments", set()),
+            artifact=Artifacts(steps, effects, self.written, attachments, set()),
             chart=Charts(chosen, steps, self.written),
-            operator=Operator(answers or Nobody(), effects, steps, self.written, self.scheduler.point, hand or {}),
+            operator=Operator(
+                answers or Nobody(),
+                effects,
+                steps,
+                self.written,
+                Shelf(attachments, attachments, self.scheduler.point, set()),
+                AtHand(instruments=hand or {}),
+            ),
             scheduler=self.scheduler,
             escapes=Escapes(
                 self.flags, Workspace(root=folder, name="", testplans=folder, fixtures=folder, reports=folder)

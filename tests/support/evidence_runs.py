@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import itertools
+import shutil
 from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
@@ -47,6 +48,7 @@ __all__ = [
     "run_fields",
     "sealed_run",
     "stamps",
+    "writable_copy",
     "write_report",
 ]
 
@@ -340,3 +342,11 @@ def sealed_run(folder: Path, **changes) -> str:
     journal = begin(folder, **changes)
     whole_case(folder, journal)
     return seal(folder, journal, exit_code=0, write_reports=write_report)
+
+
+def writable_copy(sealed: Path, reports: Path) -> Path:
+    """Copy a sealed package into a folder of reports, under its own name, and return the copy; it may be changed."""
+    copy = shutil.copytree(sealed, reports / sealed.name, copy_function=shutil.copyfile)
+    for path in (copy, *copy.rglob("*")):
+        path.chmod(0o755)
+    return copy

@@ -267,9 +267,9 @@ class _Operator:
     def __init__(self, person) -> None:
         self._person = person
 
-    def attach(self, what, text, *, name, options):
+    def connect(self, what, text, *, name, options):
         """Let the person mount the board."""
-        return self._person.answer("attach", name, text, (what, *(each for each in options if each != what)))
+        return self._person.answer("connect", name, text, (what, *(each for each in options if each != what)))
 
     def confirm(self, text, *, name):
         """Let the person agree."""

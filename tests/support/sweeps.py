@@ -36,5 +36,5 @@ def chosen(few: _Item, whole: _Item) -> _Item:
 
 
 def examples(whole: int) -> int:
-    """Return how many generated examples a property is tried with: these in a soak, else a fifth."""
-    return chosen(max(10, whole // 5), whole)
+    """Return how many generated examples a property is tried with: these in a soak, else a tenth."""
+    return chosen(max(10, whole // 10), whole)

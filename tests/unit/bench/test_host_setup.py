@@ -227,6 +227,7 @@ def test_the_folder_of_latches_is_made_for_every_user(tmp_path):
     assert stat.S_IMODE(made.stat().st_mode) == 0o1777
 
 
+@pytest.mark.system
 def test_the_command_prints_it():
     """With its own program in the unit, and nothing else on standard output."""
     hil = Path(sys.executable).with_name("hil")

@@ -30,6 +30,10 @@ PAGE = Path(__file__).parents[3] / "docs/how-to/write-a-driver.md"
 class Clock:
     """Stands still."""
 
+    def now(self):
+        """Return seconds since then."""
+        return self.now_ns() / 1e9
+
     def now_ns(self):
         """Return the beginning."""
         return 0

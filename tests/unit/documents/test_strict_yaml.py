@@ -7,7 +7,7 @@ import yaml
 
 from hil.documents import strict_yaml
 from hil.documents.findings import Findings
-from hil.documents.node import Mapping, Scalar, ScalarKind, Sequence
+from hil.documents.node import Mapping, Place, Scalar, ScalarKind, Sequence
 from hil.documents.strict_yaml import parse_yaml, read_yaml
 from hil.documents.text import MOST_BYTES
 from hil.model.errors import ConfigurationError
@@ -219,3 +219,14 @@ def test_many_values_without_quotes_are_told_together():
     assert len(first) == 5
     assert flag.startswith("a.yaml:31:4: `yes` is a flag")
     assert rest.startswith("a.yaml: 25 more values without quotes, in lines 6, 7, 8,")
+
+
+def test_what_is_required_is_given_only_without_findings():
+    """A reader that gives a value beside a finding gives nothing on."""
+    findings = Findings()
+    assert findings.require("read") == "read"
+    with pytest.raises(ConfigurationError):
+        findings.require(None)
+    findings.add(Place(path="a.yaml", line=1, column=1), "wrong")
+    with pytest.raises(ConfigurationError, match="a.yaml:1:1: wrong"):
+        findings.require("read")
