@@ -181,6 +181,7 @@ def _connect(bench: BoundBench, instrument: InstrumentSpec) -> Connection:
         second_address=instrument.second_address,
         timeout=instrument.timeout_s or LONGEST_REPLY_S,
         terminator=instrument.line_end,
+        names_asked=bench.playback is None or bench.playback.names_asked,
     )
 
 

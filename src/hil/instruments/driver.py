@@ -103,6 +103,7 @@ class Connection:
         second_address: on the bus, of the chip's second die; 0 for its usual one.
         timeout: how long one of its replies may take [s]; the driver and the guardian keep to the same limit.
         terminator: what ends a line, where the bench file says it; drivers that offer `TERMINATED` look at it.
+        names_asked: whether sensors are asked for their names between samples; not where an older record answers.
     """
 
     device: str
@@ -114,6 +115,7 @@ class Connection:
     second_address: int = 0
     timeout: float = LONGEST_REPLY_S
     terminator: bytes = b""
+    names_asked: bool = True
 
 
 class Driver(Protocol):

@@ -69,7 +69,6 @@ class Lis3mdlMagnetometer(Field):
         strap="SA1",
         addresses=(0x1C, 0x1E),
         increment=_AUTO_INCREMENT,
-        renamed=False,  # packages of it were sealed before sensors were asked, and must replay
     )
     ranges: ClassVar[dict[float, tuple[int, float]]] = _RANGES
 

@@ -79,6 +79,9 @@ _NOT_SHARED = 5
 _NOT_ALL_SHARED = 6
 """The last format of transcripts in which those beside a case did not, and only rows of streams fed limits."""
 
+_NOT_NAMED = 7
+"""The last format of transcripts in which no sensor was asked for its name between samples."""
+
 _HEX_SHOWN = 48
 
 
@@ -113,6 +116,7 @@ class Playback:
         shared: whether recordings shared the bus by plan, and what disturbed one was not held against the article.
         all_share: whether those beside a case did, too, rows of sampled roles fed limits, and the first arming looked
             whether there is room.
+        names_asked: whether sensors were asked for their names between samples.
     """
 
     def __init__(self, path: Path, clock: Clock, where: Callable[[], str], handover: Handover | None = None) -> None:
@@ -127,6 +131,7 @@ class Playback:
         self.in_parts = format_ <= _IN_PARTS
         self.shared = format_ > _NOT_SHARED
         self.all_share = format_ > _NOT_ALL_SHARED
+        self.names_asked = format_ > _NOT_NAMED
         alike = format_ <= _ALL_ALIKE
         self._alike = {MONITOR: {MONITOR}, OVERDUE: {MONITOR} if alike else {OVERDUE}}
 

@@ -41,7 +41,6 @@ class Chip:
         addresses: those that can be strapped, the usual one first; none where that is not known.
         second: whether its registers are at the instrument's second address, as those of a second die are.
         hidden: whether nobody answers there until the first die has been set up.
-        renamed: whether it is asked for its name between samples, too.
         increment, width, order, banks: see `Registers`.
     """
 
@@ -55,7 +54,6 @@ class Chip:
     addresses: tuple[int, ...] = ()
     second: bool = False
     hidden: bool = False
-    renamed: bool = True
     increment: int = 0
     width: int = 1
     order: Literal["big", "little"] = "big"
@@ -89,6 +87,7 @@ class Sensor(ABC):
     Attributes:
         chip: the die that it is on.
         measures: the channels of a sample.
+        names_asked: whether it is asked for its name between samples.
         beside: every sensor of the same chip that is wired, by role, itself included.
 
     Args:
@@ -108,6 +107,7 @@ class Sensor(ABC):
         self._running = False
         self._sampled = self._pause = self._named = 0.0
         self.beside: Mapping[str, Sensor] = {}
+        self.names_asked = True
 
     @drives
     def start(self) -> None:
@@ -193,7 +193,7 @@ class Sensor(ABC):
 
     def _require_same_name(self) -> None:
         """Every two seconds, refuse a bus that changes bits: samples may be numbers like any others, a name is not."""
-        if not self.chip.renamed or self._clock.now() - self._named < _NAMED_S:
+        if not self.names_asked or self._clock.now() - self._named < _NAMED_S:
             return
         name, known = self.chip.name_of(self._registers), self.chip.identity[1]
         if name != known:
@@ -292,6 +292,7 @@ class SensorDriver:
         for second, registers in self._dies.items():
             registers.other = self._dies.get(not second)
         self._clock = connection.clock
+        self._names_asked = connection.names_asked
         self._sensors: dict[str, Sensor] = {}
         self._set: set[str] = set()
 
@@ -322,7 +323,7 @@ class SensorDriver:
         if own and self._set - kinds.keys():
             raise Refused(f"{wire.name}: the settings of this chip are those of its role {own[0]}", "move them there")
         self._sensors[wire.role] = sensor = kind(self._dies[kind.chip.second], self._clock, wire)
-        sensor.beside = self._sensors
+        sensor.beside, sensor.names_asked = self._sensors, self._names_asked
         return sensor if wire.role in kinds else DieThermometer(lambda: self._measuring(kinds, sensor))
 
     def _measuring(self, roles: Iterable[str], alone: Sensor) -> Sensor:
