@@ -13,6 +13,8 @@ __all__ = ["CarryingCase", "carrying_cases"]
 
 _MARKER = "requirement"
 _MARKS = "pytestmark"
+_DEEPEST = 4
+"""How many names, one given by the other, are followed."""
 _Function = ast.FunctionDef | ast.AsyncFunctionDef
 _Literals = dict[str, ast.expr]
 
@@ -100,14 +102,29 @@ def _marks(places: Iterable[ast.expr]) -> Iterator[ast.Call]:
 
 
 def _texts(node: ast.expr, literals: _Literals, depth: int = 0) -> Iterator[str]:
-    """Give the texts that an argument writes out, or takes from a name of its module."""
+    """Give the texts that an argument writes out, takes from a name of its module, or makes of such texts."""
     match node:
         case ast.Constant(value=str(text)):
             yield text
-        case ast.Starred(value=value):
+        case ast.Starred(value=value) | ast.FormattedValue(value=value, conversion=-1, format_spec=None):
             yield from _texts(value, literals, depth)
-        case ast.Tuple(elts=several) | ast.List(elts=several):
+        case ast.Tuple(elts=several) | ast.List(elts=several) | ast.Dict(values=several):
             for each in several:
                 yield from _texts(each, literals, depth)
-        case ast.Name(id=name) if name in literals and depth == 0:
-            yield from _texts(literals[name], literals, depth + 1)
+        case ast.Name(id=name) | ast.Call(func=ast.Attribute(value=ast.Name(id=name), attr="values"), args=[]):
+            if name in literals and depth < _DEEPEST:
+                yield from _texts(literals[name], literals, depth + 1)
+        case ast.JoinedStr(values=several):
+            parts = [tuple(_texts(each, literals, depth)) for each in several]
+            if all(len(part) == 1 for part in parts):
+                yield "".join(text for (text,) in parts)
+        case (ast.GeneratorExp() | ast.ListComp()) as made:
+            yield from _made(made, literals, depth)
+
+
+def _made(node: ast.GeneratorExp | ast.ListComp, literals: _Literals, depth: int) -> Iterator[str]:
+    """Give the texts of a comprehension over one name, such as `f"LOAD-{n}" for n in ("010", "020")`."""
+    match node.generators:
+        case [ast.comprehension(target=ast.Name(id=name), iter=several, ifs=[])]:
+            for text in _texts(several, literals, depth):
+                yield from _texts(node.elt, {**literals, name: ast.Constant(text)}, depth)

@@ -8,6 +8,7 @@ PLAN = """
 import pytest
 
 MANY = ("LOAD-020", "LOAD-021")
+BY_AXIS = {"x": "LOAD-050", "y": "LOAD-051"}
 pytestmark = pytest.mark.requirement("LOAD-001")
 raise RuntimeError("nothing of it may run")
 
@@ -20,6 +21,12 @@ def test_written_out(load):
 
 @pytest.mark.requirement(*MANY)
 async def test_by_name():
+    ...
+
+
+@pytest.mark.requirement(*BY_AXIS.values())
+@pytest.mark.requirement(*(f"LOAD-{number}" for number in ("060", "061")), *[f"{name}" for name in MANY])
+def test_made_of_texts():
     ...
 
 
@@ -50,6 +57,7 @@ def test_every_way_to_mark_a_case_is_read_and_nothing_runs(tmp_path):
     assert found == {
         "test_written_out": ("LOAD-001", "LOAD-010", "LOAD-011"),
         "test_by_name": ("LOAD-001", "LOAD-020", "LOAD-021"),
+        "test_made_of_texts": ("LOAD-001", "LOAD-050", "LOAD-051", "LOAD-060", "LOAD-061", "LOAD-020", "LOAD-021"),
         "test_in_a_parameter": ("LOAD-001", "LOAD-030"),
         "TestLoad::test_in_a_class": ("LOAD-001", "LOAD-040", "LOAD-041"),
     }
@@ -67,9 +75,10 @@ def test_a_case_has_its_id_and_its_place(tmp_path):
 
 def test_a_marker_that_computes_its_ids_is_a_marker_all_the_same(tmp_path):
     """What is not written out is not known, and the case is no orphan."""
-    text = "@pytest.mark.requirement(*found())\ndef test_one(): ...\n"
-    (case,) = carrying_cases(tmp_path, [_plan(tmp_path, text)])
-    assert (case.requirements, case.marked) == ((), True)
+    for argument in ("*found()", "*(f'LOAD-{n:03}' for n in MANY)", "*(n for n in MANY if n)", "*MANY.values(1)", "*SELF"):
+        text = f"SELF = (*SELF,)\nMANY = ('010',)\n@pytest.mark.requirement({argument})\ndef test_one(): ...\n"
+        (case,) = carrying_cases(tmp_path, [_plan(tmp_path, text)])
+        assert (case.requirements, case.marked) == ((), True), argument
 
 
 def test_what_python_cannot_read_has_no_cases(tmp_path):
