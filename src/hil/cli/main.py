@@ -28,7 +28,7 @@ COMMANDS: Mapping[str, str] = {
     "attach": "Attach a file to a run in progress.",
     "audit": "Compute the status of every requirement.",
     "bench": "Check a bench, make it safe, or set up its computer.",
-    "doctor": "Look whether this computer is fit for its benches.",
+    "doctor": "Check whether this computer is fit for its benches.",
     "export": "Export the recordings of a package as CSV or MATLAB files.",
     "hold": "Hold a run in progress, or release it.",
     "init": "Make a workspace that runs at once.",

@@ -69,6 +69,17 @@ def test_the_table_is_for_people():
     ]  # fmt: skip
 
 
+def test_times_of_a_part_say_where_they_begin():
+    """They count from where the part begins, as `--from` does; jitter is told in the unit that suits it."""
+    printed = run(*UNDER_LAMP, "--from", "100").stdout
+    assert "sampling: 2.0000000 ± " in printed
+    assert "us rms, " in printed
+    assert " ms peak\n" in printed
+    assert "note: times count from 100 s of the log (--from)\n" in printed
+    assert "fragment 1 of 1: 0 to 500 s" in printed
+    assert "times count" not in run(*UNDER_LAMP).stdout
+
+
 def test_a_log_with_gaps_falls_into_fragments(tmp_path):
     """Each tells what it shows, or why not; a longer gap that is allowed leaves one."""
     log = made(tmp_path, rows=np.r_[0:300, 420:800, 820:COUNT])

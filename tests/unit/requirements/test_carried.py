@@ -75,7 +75,13 @@ def test_a_case_has_its_id_and_its_place(tmp_path):
 
 def test_a_marker_that_computes_its_ids_is_a_marker_all_the_same(tmp_path):
     """What is not written out is not known, and the case is no orphan."""
-    for argument in ("*found()", "*(f'LOAD-{n:03}' for n in MANY)", "*(n for n in MANY if n)", "*MANY.values(1)", "*SELF"):
+    for argument in (
+        "*found()",
+        "*(f'LOAD-{n:03}' for n in MANY)",
+        "*(n for n in MANY if n)",
+        "*MANY.values(1)",
+        "*SELF",
+    ):
         text = f"SELF = (*SELF,)\nMANY = ('010',)\n@pytest.mark.requirement({argument})\ndef test_one(): ...\n"
         (case,) = carrying_cases(tmp_path, [_plan(tmp_path, text)])
         assert (case.requirements, case.marked) == ((), True), argument

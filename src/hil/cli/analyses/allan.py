@@ -66,8 +66,8 @@ def allan(  # noqa: PLR0913 - one argument per option
     FILE is a text table with or without a header. For every chosen column: a deviation of the Allan
     family with its confidence interval, and quantisation, white noise (angle random walk), flicker
     (bias instability), random walk of the rate and ramp with their uncertainties, which always come
-    from the overlapping Allan deviation. Missing samples are left out of the overlapping one. Gates look at times
-    and samples first; what they speak against is inconclusive, and the exit code 1.
+    from the overlapping Allan deviation. Missing samples are left out of the overlapping one. Gates check times
+    and samples first: if one trips, the figures of its column are inconclusive, and the exit code is 1.
 
     \b
     Examples:

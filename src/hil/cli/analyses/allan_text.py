@@ -38,6 +38,7 @@ _NOISE = {
 }
 _WIDTH = 80  # columns that sentences take; tables are as wide as they are
 _LEAST_JITTER = 1e-9  # s; below it are the rounding errors of the timestamps
+_SHORT = ((1e6, "us"), (1e3, "ms"), (1.0, "s"))
 _HEAD = ("tau [s]", "deviation", "low", "high", "edf", "noise")
 
 
@@ -143,14 +144,17 @@ def heading(log: Log) -> Iterator[str]:
         count = f"{sampling.gaps} gap{'' if sampling.gaps == 1 else 's'}"
         gaps = f"{count} (longest {sampling.longest_gap:.4g} s, about {sampling.missing} samples missing)"
     rate = stated(Figure(value=sampling.rate, unit="Hz", uncertainty=sampling.rate_uncertainty))
-    jitter = f"{_microseconds(sampling.jitter_rms)} us rms, {_microseconds(sampling.jitter_max)} us peak"
+    jitter = f"{_short(sampling.jitter_rms)} rms, {_short(sampling.jitter_max)} peak"
     yield f"{log.file}: {sampling.samples} samples in {sampling.duration:.6g} s"
     yield f"sampling: {rate}, jitter {jitter}"
     yield f"times: {gaps}, {sampling.duplicates} repeated and {sampling.reversals} reversed timestamps"
 
 
-def _microseconds(seconds: float) -> str:
-    return f"{seconds * 1e6:.3g}" if seconds >= _LEAST_JITTER else "0"
+def _short(seconds: float) -> str:
+    if seconds < _LEAST_JITTER:
+        return "0 us"
+    factor, unit = next((each for each in _SHORT if seconds * each[0] < 999.5), _SHORT[-1])
+    return f"{seconds * factor:.3g} {unit}"
 
 
 def called(name: str) -> str:
@@ -198,8 +202,12 @@ def _summary(axis: Axis) -> Iterator[str]:
 def stated(figure: Figure) -> str:
     """Return a figure as text: the uncertainty with two digits, the value down to the same place.
 
-    What the record cannot give is a bound where it gives one, and no number else.
+    What the record cannot give is a bound where it gives one, and no number else. A plain number has no unit.
     """
+    return _with_unit(figure).removesuffix(" 1")
+
+
+def _with_unit(figure: Figure) -> str:
     if not math.isfinite(figure.value) or figure.status is FigureStatus.MODEL_REJECTED:
         return "-"
     if figure.status is FigureStatus.NOT_OBSERVABLE:
@@ -209,8 +217,8 @@ def stated(figure: Figure) -> str:
     if not figure.uncertainty:
         return f"{figure.value:.4g} {figure.unit}"
     places = 1 - math.floor(math.log10(figure.uncertainty))
-    if not 0 <= places <= 6:
-        power = math.floor(math.log10(max(abs(figure.value), figure.uncertainty)))
+    power = math.floor(math.log10(max(abs(figure.value), figure.uncertainty)))
+    if not 0 <= places <= 6 and power != 0:
         digits = max(0, places + power)
         scale = 10.0**power
         return f"({figure.value / scale:.{digits}f} ± {figure.uncertainty / scale:.{digits}f})e{power:+d} {figure.unit}"

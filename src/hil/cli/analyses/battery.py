@@ -107,7 +107,8 @@ def battery(  # noqa: PLR0913 - one argument per option
     """Compute capacity, energy, efficiency and fade of a cell from the log of its cycles in FILE.
 
     Novonix files and terminal logs of a cycler (voltage;current;energy;temperature) are recognised; any
-    other table needs its columns named. Gates show what casts doubt on the numbers; the exit code is then 1.
+    other table needs its columns named. Gates show what casts doubt on the numbers; if one trips, the exit
+    code is 1.
 
     \b
     Examples:

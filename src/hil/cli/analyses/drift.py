@@ -42,13 +42,13 @@ _HARMLESS = frozenset({"aliased", "alike", "density", "steady"})  # of gates on 
     default=5.0,
     show_default=True,
     metavar="K",
-    help="Change of the temperature below which a fragment tells nothing per kelvin.",
+    help="Temperature change below which a fragment gives nothing per kelvin.",
 )
 @click.option(
     "--longest-gap",
     type=click.FloatRange(min=0.0, min_open=True),
     metavar="S",
-    help="A longer one ends a fragment; five intervals between samples by default.",
+    help="A longer gap ends a fragment; five intervals between samples by default.",
 )
 @plot_option("values over temperature, heating and cooling apart")
 @click.option(
@@ -69,10 +69,10 @@ def drift(
     """Compute drift over temperature, offset and hysteresis of the axes in FILE, recorded while it warms or cools.
 
     FILE is a text table with a column of temperatures; name the axes with --columns. Where samples are missing the
-    log falls into fragments. For each of them and every axis: the slope over temperature of heating and cooling
+    log falls into fragments. Each fragment gives for every axis the slope over temperature of heating and cooling
     together, the offset on that line, heating minus cooling at the same temperature, and the drift over time, each
-    with the uncertainty that slow noise leaves it; or why the fragment does not tell. Gates look at times and
-    samples first; what they speak against is inconclusive and not exported, and the exit code 1.
+    with an uncertainty that includes slow noise; or the reason why it cannot. Gates check times and samples first:
+    if one trips, the figures of its axis are inconclusive, nothing is exported, and the exit code is 1.
 
     \b
     Example:
@@ -90,7 +90,7 @@ def drift(
         unit="degC", begin=wanted.begin, end=wanted.end,
     )  # fmt: skip
     log, warmth = obtain_beside([wanted, beside], "")
-    log, doubts = _asked(log, warmth)
+    log, doubts = _asked(replace(log, remarks=(*log.remarks, *wanted.remarks)), warmth)
     found = _fragments(log, warmth, reference, least_range, longest_gap)
     result = drift_text.Result(log=log, doubts=doubts, reference=reference, fragments=found)
     if not result.doubted:

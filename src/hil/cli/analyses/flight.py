@@ -28,7 +28,9 @@ _SECONDS = click.FloatRange(min=0.0, min_open=True)
 @click.option("--field", metavar="A,B,C", help="Columns of the magnetometer, by number or name.")
 @unit_option("--field-unit", help="Unit of the magnetometer's numbers, such as uT or LSB.")
 @click.option("--field-full-scale", type=float, metavar="VALUE", help="Largest reading of the magnetometer.")
-@click.option("--still", type=_SECONDS, metavar="RATE", help="What a bias may change by; 1 deg/s by default.")
+@click.option(
+    "--still", type=_SECONDS, metavar="RATE", help="How far rates may be off the bias at rest; 1 deg/s by default."
+)
 @click.option("--window", type=_SECONDS, default=2.0, show_default=True, metavar="S", help="Length of a window.")
 @click.option("--shortest", type=_SECONDS, default=10.0, show_default=True, metavar="S", help="Shortest phase.")
 @plot_option("rates and field with the phases")
@@ -47,9 +49,9 @@ def flight(  # noqa: PLR0913 - one argument per option
 ) -> int:
     """Find when a gyroscope and a magnetometer were at rest and when they turned, from the log in FILE.
 
-    --columns names the rates of x, y and z, --field the magnetometer. Each phase is asked what it can be
-    asked: at rest for bias, white noise and all gates of a log at rest; in a rotation whether rates and field
-    turn equally far. If a gate speaks against a phase, it is named, and the exit code is 1.
+    --columns names the rates of x, y and z, --field the magnetometer. A phase at rest gives bias and white noise,
+    and has to pass all gates of a log at rest; a rotation shows whether rates and field turn equally far. If a gate
+    trips, it is named with its phase, and the exit code is 1.
 
     \b
     Example:
@@ -74,7 +76,8 @@ def flight(  # noqa: PLR0913 - one argument per option
         from hil.cli.analyses.flight_plot import draw  # noqa: PLC0415 - matplotlib is slow to import
 
         draw(plot, rates, vectors, found)
-    result = flight_text.Result(logs=tuple(logs), flight=found)
+    logs[0] = replace(logs[0], remarks=(*logs[0].remarks, *wanted.remarks))
+    result = flight_text.Result(logs=tuple(logs), flight=found, wanted=wanted)
     click.echo(flight_text.as_json(result) if as_json else flight_text.as_text(result))
     return int(bool(result.doubts))
 

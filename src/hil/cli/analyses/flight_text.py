@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from hil.analysis.flight import Flight, Phase
 from hil.analysis.motion import AXES, Kind
 from hil.cli.analyses.allan_text import heading, stated
 from hil.cli.analyses.log import Log, gates_as_json, log_as_json
+from hil.cli.analyses.wanted import Wanted
 from hil.model.figure import Figure, FigureStatus, encoded
 from hil.report.tables import aligned, fitting
 
@@ -25,6 +26,7 @@ class Result:
 
     logs: tuple[Log, ...]
     flight: Flight
+    wanted: Wanted
 
     @property
     def doubts(self) -> tuple[str, ...]:
@@ -91,9 +93,14 @@ def as_text(result: Result) -> str:
             for place, axis in enumerate(AXES)
         ]
         lines += ["", *aligned(rows, head=_REST, right=(0,))]
-        longest = max((phase for _, phase in rest), key=lambda phase: phase.end - phase.begin)
-        lines.append(f"all noise of the longest: hil analyse allan --from {longest.begin:g} --to {longest.end:g}")
+        lines.append(f"all noise of the longest rest: hil analyse allan {_longest(result.wanted, rest)}")
     return "\n".join(lines)
+
+
+def _longest(wanted: Wanted, rest: list[tuple[int, Phase]]) -> str:
+    """Return the arguments of a command for the longest of the phases at rest."""
+    longest = max((phase for _, phase in rest), key=lambda phase: phase.end - phase.begin)
+    return replace(wanted, begin=wanted.begin + longest.begin, end=wanted.begin + longest.end).arguments()
 
 
 def _row(number: int, phase: Phase) -> tuple[str, ...]:
@@ -109,7 +116,7 @@ def _row(number: int, phase: Phase) -> tuple[str, ...]:
 def _told(figure: Figure | None) -> str:
     if figure is None or figure.status is FigureStatus.NOT_OBSERVABLE:
         return "-"
-    return stated(figure).removesuffix(" 1")
+    return stated(figure)
 
 
 def _shares(found: Flight) -> str:

@@ -101,7 +101,7 @@ def gyroscope_temperature(  # noqa: PLR0913 - one argument per option
     Each row is the mean reading of all axes at one temperature, at rest or at one true rate about one
     axis. Bias and scale become polynomials of temperature whose degree you or the data choose:
     rate = scale(T) * (measured - bias(T)). What is exported is read back, and must reproduce the table.
-    If a gate speaks against the table, nothing is exported, and the exit code is 1.
+    If a gate trips, nothing is exported, and the exit code is 1.
 
     \b
     Example:

@@ -82,10 +82,10 @@ def magnetometer(  # noqa: PLR0913 - one argument per option
 ) -> int:
     """Calibrate bias and matrix of the magnetometer whose readings are in FILE.
 
-    Turn the sensor through as many attitudes as you can; nobody needs to know them. If the magnitude of the
-    field is known, give it as a number or as a column. The result is field = matrix * (measured - bias),
-    with uncertainties, outliers and the part of the sphere that the readings reach.
-    If that is too little, or a gate speaks against the readings, nothing is exported, and the exit code is 1.
+    Turn the sensor through as many attitudes as you can; they need not be known. If the magnitude of the field is
+    known, give it as a number or as a column. The result is field = matrix * (measured - bias), with uncertainties,
+    outliers and the part of the sphere that the readings cover. If that is too little, or another gate trips,
+    nothing is exported, and the exit code is 1.
 
     \b
     Example:

@@ -101,7 +101,7 @@ def _heading(report: MagnetometerReport) -> str:
         return "not observable"
     return (
         f"± {report.heading.value:.2g} deg in the worst direction; without the calibration it is off by up to"
-        f" {report.uncalibrated.value:.2g} deg"
+        f" {report.uncalibrated.value:.3g} deg"
     )
 
 
@@ -122,7 +122,7 @@ def _warm(report: MagnetometerReport) -> list[str]:
 def _told(figure: Figure, *, percent: bool = False) -> str:
     if figure.status is FigureStatus.NOT_OBSERVABLE:
         return "not observable"
-    return f"{figure.value:.0%}" if percent else stated(figure).removesuffix(" 1")
+    return f"{figure.value:.0%}" if percent else stated(figure)
 
 
 def _outliers(report: MagnetometerReport) -> str:

@@ -26,16 +26,22 @@ __all__ = ["photodiode"]
 @click.option("--reading", required=True, metavar="COLUMN", help="Column of readings at the load, by number or name.")
 @unit_option("--unit", required=True, help="Unit of the readings: V, mV, or LSB with --reference.")
 @click.option("--temperature", required=True, metavar="COLUMN", help="Column of temperatures in degC.")
-@click.option("--load", type=float, metavar="OHM", help="Resistance at which all readings were taken.")
-@click.option("--load-column", metavar="COLUMN", help="Column of these resistances in ohm.")
-@click.option("--light", metavar="COLUMN", help="Column of a monitor of the light, in any unit.")
+@click.option("--load", type=float, metavar="OHM", help="Load resistance of all readings.")
+@click.option("--load-column", metavar="COLUMN", help="Column of load resistances in ohm.")
+@click.option("--light", metavar="COLUMN", help="Column of a light monitor, in any unit.")
 @click.option("--reference", type=float, metavar="V", help="Voltage at full scale of the converter, as measured.")
 @click.option("--full-scale", type=float, default=4095.0, metavar="LSB", help="Largest count; 4095 by default.")
-@click.option("--nominal", type=float, default=25.0, metavar="DEGC", help="Temperature of the figures; 25 by default.")
+@click.option(
+    "--nominal",
+    type=float,
+    default=25.0,
+    metavar="DEGC",
+    help="Temperature at which figures are stated; 25 by default.",
+)
 @click.option("--series", type=float, default=0.0, metavar="OHM", help="Series resistance of the data sheet.")
-@click.option("--reference-uncertainty", type=float, default=0.0, metavar="SHARE", help="Of the reference, relative.")
+@click.option("--reference-uncertainty", type=float, default=0.0, metavar="SHARE", help="Of the reference voltage.")
 @click.option("--offset-uncertainty", type=float, default=0.0, metavar="V", help="Of the converter's zero.")
-@click.option("--load-uncertainty", type=float, default=0.0, metavar="SHARE", help="Of each load, relative.")
+@click.option("--load-uncertainty", type=float, default=0.0, metavar="SHARE", help="Of each load.")
 @click.option("--temperature-uncertainty", type=float, default=0.0, metavar="K", help="Of the thermometer.")
 @plot_option("readings and residuals")
 @export_options
@@ -51,8 +57,8 @@ def photodiode(
 ) -> int:
     """Find photocurrent, saturation current, ideality factor and temperature coefficient of the readings in FILE.
 
-    Read at several loads, or in light that a monitor tells, and over 10 K or more. Uncertainties are standard ones.
-    If the readings do not separate the parameters, or a gate speaks against them, nothing is exported, and the exit
+    Read at several loads, or in light that a monitor measures, over 10 K or more. Uncertainties are standard
+    uncertainties. If the readings do not separate the parameters, or a gate trips, nothing is exported, and the exit
     code is 1.
 
     \b
@@ -156,9 +162,7 @@ def _as_text(file: str, report: PhotodiodeReport, gates: tuple[Gate, ...], remar
     doubts = [f"INCONCLUSIVE: {gate}; nothing is exported" for gate in gates if gate.ok is False]
     lines = [f"{file}: {len(report.residual)} readings"]
     lines += fitting([*doubts, *(f"note: {remark}" for remark in remarks)], 80)
-    rows = [
-        (name, stated(figure).removesuffix(" 1")) for name, figure in (*report.figures.items(), ("noise", report.noise))
-    ]
+    rows = [(name, stated(figure)) for name, figure in (*report.figures.items(), ("noise", report.noise))]
     lines += [
         "",
         *aligned([(name, f"{told}, {_status(report, name)}".removesuffix(", ")) for name, told in rows], indent="  "),

@@ -76,8 +76,8 @@ def psd(
 
     FILE is a text table with or without a header. For every chosen column: the one-sided power spectral density by
     Welch's method, with its interval; lines that noise does not explain; and white noise, flicker, random walk and
-    quantisation from bands without these lines, beside those of the Allan deviation. Gates look at times and samples
-    first; what they speak against is inconclusive, and the exit code 1.
+    quantisation from bands without these lines, beside those of the Allan deviation. Gates check times and samples
+    first: if one trips, the figures of its column are inconclusive, and the exit code is 1.
 
     \b
     Examples:

@@ -28,7 +28,7 @@ _Columns: TypeAlias = "dict[str, Array]"
 _UNITS = {"voltage": "V", "current": "A", "irradiance": "W/m^2", "temperature": "degC"}
 
 
-@click.command("solar", short_help="Reduce a current-voltage curve of a solar cell.")
+@click.command("solar", short_help="Evaluate a current-voltage curve of a solar cell.")
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("--voltage", required=True, metavar="COLUMN", help="Column of voltages, by number or name.")
 @click.option("--current", required=True, metavar="COLUMN", help="Column of currents out of the cell.")
@@ -37,7 +37,9 @@ _UNITS = {"voltage": "V", "current": "A", "irradiance": "W/m^2", "temperature": 
 @click.option("--irradiance", metavar="COLUMN", help="Column of irradiances in W/m^2.")
 @click.option("--temperature", metavar="COLUMN", help="Column of the cell's temperatures in degC.")
 @click.option("--to", nargs=2, type=float, metavar="W/M2 DEGC", help="Correct to these conditions, by IEC 60891.")
-@click.option("--procedure", type=click.Choice(["1", "2"]), default="2", help="Of IEC 60891:2021; 2 by default.")
+@click.option(
+    "--procedure", type=click.Choice(["1", "2"]), default="2", help="Procedure of IEC 60891:2021; 2 by default."
+)
 @click.option("--alpha", type=float, default=0.0, help="Change of the current: A/K for procedure 1, 1/K for 2.")
 @click.option("--beta", type=float, default=0.0, help="Change of the voltage: V/K for procedure 1, 1/K for 2.")
 @click.option("--resistance", type=float, default=0.0, metavar="OHM", help="Internal series resistance.")
@@ -51,8 +53,8 @@ _UNITS = {"voltage": "V", "current": "A", "irradiance": "W/m^2", "temperature": 
 def solar(*, file: Path, plot: Path | None, export: Path | None, as_json: bool, **asked: Any) -> int:  # noqa: ANN401
     """Find short-circuit current, open-circuit voltage, maximum power and resistances of the curve in FILE.
 
-    Uncertainties are those of the scatter: certificates of the instruments are not known here, and coefficients are
-    taken as exact. If a gate speaks against the curve, nothing is exported, and the exit code is 1.
+    Uncertainties come from the scatter alone: the instruments' certificates are not known here, and coefficients are
+    taken as exact. If a gate trips, nothing is exported, and the exit code is 1.
 
     \b
     Example:
@@ -151,7 +153,7 @@ def _lines(said: str, curve: IvCurve, gates: tuple[Gate, ...], remarks: tuple[st
 
     doubts = [f"INCONCLUSIVE: {gate}; nothing is exported" for gate in gates if gate.ok is False]
     lines = [said, *fitting([*doubts, *(f"note: {remark}" for remark in remarks)], 80), ""]
-    rows = [(name.replace("_", " "), stated(figure).removesuffix(" 1")) for name, figure in curve.figures.items()]
+    rows = [(name.replace("_", " "), stated(figure)) for name, figure in curve.figures.items()]
     lines += aligned(rows, indent="  ")
     if math.isfinite(curve.reach):
         lines += ["", f"extrapolated to short circuit: {curve.reach:.1%} of the open-circuit voltage"]
@@ -167,7 +169,7 @@ def _draw(path: Path, curve: IvCurve, measured: _Columns) -> None:
         figure = Figure(figsize=(7.0, 4.5), dpi=120, layout="constrained")
         axes = figure.subplots()
         axes.plot(measured["voltage"], measured["current"], "x", color=COLOURS[1], markersize=4, label="measured")
-        axes.plot(curve.voltage, curve.current, ".-", color=COLOURS[0], markersize=4, label="as reduced")
+        axes.plot(curve.voltage, curve.current, ".-", color=COLOURS[0], markersize=4, label="corrected")
         peak = [curve.figures[f"{name}_at_maximum"].value for name in ("voltage", "current")]
         axes.plot(peak[:1], peak[1:], "o", color=COLOURS[2], label="maximum power")
         axes.set(xlabel="voltage [V]", ylabel="current [A]")

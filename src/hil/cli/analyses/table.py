@@ -34,7 +34,7 @@ _JOBS = (".yaml", ".yml")
     metavar="NAME=CSV",
     help="A table it was computed from, and its name in formulas.",
 )
-@click.option("--formula", default="", metavar="FORMULA", help="Of every cell, such as 100*(b-a)/a.")
+@click.option("--formula", default="", metavar="FORMULA", help="Formula of every cell, such as 100*(b-a)/a.")
 @click.option("--column", "columns", multiple=True, metavar="NAME=FORMULA", help="Formula of one column.")
 @click.option("--all", "every", is_flag=True, help="Print also the cells that follow.")
 @JSON

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
+import shlex
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 __all__ = ["Wanted", "log_options", "time_unit_option"]
 
 _Command = TypeVar("_Command", bound=Callable[..., Any])
+_FLAGS = {"begin": "from", "end": "to"}
 _TIME_UNITS = ("s", "ms", "us", "ns", "min", "h", "d")
 
 
@@ -61,6 +63,21 @@ class Wanted:
         """Unit of the samples that are analysed."""
         return self.scaled_unit or self.unit
 
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What the times of a result need to be told, where it begins later than its log."""
+        return (f"times count from {self.begin:g} s of the log (--from)",) if self.begin else ()
+
+    def arguments(self) -> str:
+        """Return these samples as the arguments of a command, as one types them."""
+        words = [str(self.file)]
+        for each in fields(self)[1:]:
+            value = getattr(self, each.name)
+            if value not in {each.default, None}:
+                words.append("--" + _FLAGS.get(each.name, each.name.replace("_", "-")))
+                words.append(value if isinstance(value, str) else f"{value:.12g}")
+        return shlex.join(words)
+
     def facts(self) -> Facts:
         """What is known of the sensor, in the unit of the samples that are analysed."""
         from hil.analysis.gates import Facts  # noqa: PLC0415 - start-up stays light
@@ -79,7 +96,7 @@ def time_unit_option(command: _Command) -> _Command:
     return click.option(
         "--time-unit",
         type=click.Choice(list(_TIME_UNITS)),
-        help="Of the timestamps; s, unless the column's name or their size says another.",
+        help="Unit of the timestamps; s, unless the column's name or their size says otherwise.",
     )(command)
 
 
@@ -100,12 +117,12 @@ _OPTIONS: tuple[Callable[[Callable[..., Any]], Callable[..., Any]], ...] = (
     click.option("--to", "end", type=float, metavar="S", help="Stop this many seconds after the first sample."),
     click.option("--lsb", type=float, metavar="STEP", help="One count in --unit; found in the readings by default."),
     click.option("--full-scale", type=float, metavar="VALUE", help="Largest reading of either sign, in --unit."),
-    click.option("--bandwidth", type=float, metavar="HZ", help="Of the sensor's own filter, 3 dB down."),
+    click.option("--bandwidth", type=float, metavar="HZ", help="Bandwidth of the sensor's own filter, at -3 dB."),
     click.option(
         "--noise-density",
         type=float,
         metavar="DENSITY",
-        help="Of the data sheet, one-sided, per root of a hertz, in the unit of the result.",
+        help="Noise density of the data sheet, one-sided, in the unit of the result per root hertz.",
     ),
 )
 

@@ -20,7 +20,8 @@ _NUMBERS = ("NCR-", "W-", "V-")
 
 @click.command(
     name="approve",
-    epilog='Example: hil approve latest --role quality --meaning "results reviewed" --key qa.pub --as bo@example.org',
+    epilog="\b\nExample:\n  hil approve latest --role quality --meaning 'results reviewed' \\\n"
+    "    --key qa.pub --as bo@example.org",
 )
 @click.argument("run", metavar="RUN|NUMBER")
 @click.option("--role", required=True, metavar="ROLE", help="The role in which you approve it.")
@@ -36,7 +37,7 @@ def command(run: str, role: str, meaning: str, key: Path, principal: str) -> int
 
     NUMBER is that of a record of the workspace, such as NCR-0007 in the role nonconformance, W-0003 in the role
     waiver, or V-0012 in the role verification. You approve its present content: changed afterwards, it has to be
-    approved again. Who made a verification may approve it, unless the requirement says independent.
+    approved again. The author of a verification may approve it, unless the requirement says independent.
     """
     from hil.evidence.ledger.approvals import approve  # noqa: PLC0415 - heavy
     from hil.registers.signers import load_signers  # noqa: PLC0415 - heavy

@@ -77,7 +77,7 @@ def command(
     the ledger, of this text, this unit and this analysis, and its instruments are not in doubt. Otherwise it is open,
     with every reason. Nothing is typed in by hand.
 
-    What is gone from the catalogue or a register counts on until --record --because TEXT --by NAME says why.
+    An entry that was removed from the catalogue or a register counts until --record --because TEXT --by NAME says why.
 
     --if takes a changed requirements.yaml, duts.yaml, instruments.yaml, nonconformances.yaml or waivers.yaml, or the
     word analysis.

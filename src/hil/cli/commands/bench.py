@@ -87,7 +87,7 @@ def _tell_beside(who: str) -> None:
     click.echo("     making it safe anyway; a network instrument may answer only that process", err=True)
 
 
-@command.command(epilog="Example: hil bench setup adcs --print udev | sudo tee /etc/udev/rules.d/70-hil-adcs.rules")
+@command.command(epilog="\b\nExample: hil bench setup adcs --print udev | sudo tee /etc/udev/rules.d/70-hil-adcs.rules")
 @click.argument("name")
 @click.option(
     "--print",

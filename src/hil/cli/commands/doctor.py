@@ -35,10 +35,10 @@ _MOST = 5
 @click.command(name="doctor", epilog="Example: hil doctor --json")
 @JSON
 def command(*, as_json: bool) -> int:
-    """Look whether this computer is fit for the benches of the workspace, and say what to type where it is not.
+    """Check whether this computer is fit for the benches of the workspace, and say what to type where it is not.
 
-    It looks at Python, its environment and packages, permissions and ports, udev rules, sleep and power, clock, disk
-    and the folder of latches. Nothing is changed and no port is opened. Outside a workspace it looks at the computer
+    It checks Python, its environment and packages, permissions and ports, udev rules, sleep and power, clock, disk
+    and the folder of latches. Nothing is changed and no port is opened. Outside a workspace it checks the computer
     alone.
 
     Exit code 0 if nothing is wrong, 1 otherwise.
@@ -104,7 +104,7 @@ def _installed(name: str) -> str | None:
 
 
 def _packages(required: Iterable[str], installed: Installed) -> Check:
-    """Look whether the packages that hil needs are there in versions that it was made for."""
+    """Check whether the packages that hil needs are there in versions that it was made for."""
     from packaging.requirements import Requirement  # noqa: PLC0415 - heavy; pytest brings it
 
     from hil.bench.host_checks import Check  # noqa: PLC0415 - heavy

@@ -10,7 +10,7 @@ from hil.cli.run_names import answer_of, find_running
 __all__ = ["command"]
 
 
-@click.command(name="hold", epilog='Example: hil hold 20261121T093100Z --reason "open the door" --by "A. Engineer"')
+@click.command(name="hold", epilog='\b\nExample: hil hold 20261121T093100Z --reason "open the door" --by "A. Engineer"')
 @click.argument("run", metavar="RUN")
 @click.option("--release", is_flag=True, help="Restore the bench and continue the run.")
 @click.option("--reason", default="", metavar="TEXT", help="Why.")

@@ -54,7 +54,7 @@ class NewFile(click.Path):
 
 
 @click.command(
-    name="run", epilog="Example: hil run testplans/magnetorquer --bench adcs --source simulated --dut SIM-ADCS-1"
+    name="run", epilog="\b\nExample: hil run testplans/magnetorquer --bench adcs --source simulated --dut SIM-ADCS-1"
 )
 @click.argument("plans", nargs=-1, required=True, metavar="PLAN...")
 @click.option("--bench", required=True, metavar="NAME", help="The bench: fixtures/benches/NAME.")

@@ -24,7 +24,9 @@ _FORMATS = ("csv", "html", "json")
 _WIDTH = 100
 
 
-@click.command(name="select", epilog="Example: hil select testplans/imu_selection.yaml --format html --output build")
+@click.command(
+    name="select", epilog="\b\nExample: hil select testplans/imu_selection.yaml --format html --output build"
+)
 @click.argument("criteria", metavar="CRITERIA", type=click.Path(path_type=Path))
 @click.argument("runs", metavar="[RUN]...", nargs=-1)
 @click.option("--format", "formats", multiple=True, type=click.Choice(_FORMATS), help="Write a file.")
@@ -35,9 +37,9 @@ def command(criteria: Path, runs: tuple[str, ...], formats: tuple[str, ...], out
     CRITERIA is a YAML file that names the candidates and what they are compared in: a parameter, its unit and its axes.
     The smallest magnitude is the best. Without RUN, every package of the workspace that has such figures takes part.
 
-    Each package is verified first. What does not verify, is INCONCLUSIVE or in doubt, is no measurement, does not
-    convert, is aliased, or was measured for another revision of its requirement does not count, and is listed with the
-    reason. Who cannot be told apart shares a place.
+    Each package is verified first. Figures of a package that does not verify do not count, nor do figures that are
+    INCONCLUSIVE, in doubt, not measured, aliased, in a unit that does not convert, or measured for another revision of
+    their requirement; each is listed with the reason. Candidates that cannot be told apart share a place.
 
     Exit code 0; 1 if a package does not verify, or a candidate could not be judged in a criterion.
     """
