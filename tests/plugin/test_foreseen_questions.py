@@ -88,9 +88,10 @@ def answers(folder, witness="Quinn", **changed):
     return path
 
 
-NOBODY = Attended(terminal=False, simulated=False, safety=False)
-PERSON = Attended(terminal=True, simulated=False, safety=False)
-SIMULATED = Attended(terminal=False, simulated=True, safety=False)
+NOBODY = Attended(terminal=False, simulated=None, safety=False)
+PERSON = Attended(terminal=True, simulated=None, safety=False)
+KNOWN = frozenset({"bench-place", "voltmeter", "turned-x"})
+SIMULATED = Attended(terminal=True, simulated=KNOWN, safety=False)
 
 
 def required(cases, file, attended=NOBODY, operator="Olga"):
@@ -148,7 +149,7 @@ def test_what_an_answers_file_lacks_or_has_too_many_is_told_with_its_place(works
 
 
 def test_without_a_file_nobody_answers(cases):
-    """The questions are named with their places; the simulated person has no files, and answers all others."""
+    """The questions are named with their places; the simulated person has no files, and answers what it knows."""
     with pytest.raises(Refused) as caught:
         required(cases, None)
     told = str(caught.value)
@@ -162,6 +163,16 @@ def test_without_a_file_nobody_answers(cases):
     assert "the simulated person has no files" in str(caught.value)
 
 
+@pytest.mark.parametrize(("name", "told"), [("voltmeter", "'voltmeter'"), ("turned-x", "a question named turned-...")])
+def test_the_simulated_person_answers_what_the_bench_file_maps(cases, name, told):
+    """Whatever else it may be asked nobody would answer, terminal or not; a confirmation needs no map."""
+    without = Attended(terminal=True, simulated=KNOWN - {name}, safety=False)
+    with pytest.raises(Refused) as caught:
+        required(cases, None, without)
+    assert told in str(caught.value)
+    assert "'bench-place'" not in str(caught.value)
+
+
 def test_a_safety_confirmation_needs_a_person_whatever_a_file_says():
     """On a bench outside the process; a terminal is enough."""
     safety = Foreseen(
@@ -172,7 +183,7 @@ def test_a_safety_confirmation_needs_a_person_whatever_a_file_says():
         where="testplans/x/test_x.py:1",
     )
     for terminal in (True, False):
-        attended = Attended(terminal=terminal, simulated=False, safety=True)
+        attended = Attended(terminal=terminal, simulated=None, safety=True)
         request = SimpleNamespace(answers=None, operator="")
         if terminal:
             require_answers([safety], [safety], request, attended, str)

@@ -160,11 +160,36 @@ def test_without_a_person_a_question_says_what_to_do(tmp_path):
     assert workspace.folders() == []
 
 
-def test_the_simulated_person_says_what_it_does_not_know(tmp_path):
+def test_what_the_simulated_person_does_not_know_is_told_before_the_run(tmp_path):
     """A question that the simulated bench has no answer to names the place where it would be given."""
-    ran = make(tmp_path / "workspace", ASKING).run()
-    agreed(ran, {"test_asking": "ERROR"}, "ERROR", 1)
-    assert "the simulated person does not know what 'voltmeter' is" in ran.reasons("test_asking")
+    workspace = make(tmp_path / "workspace", ASKING)
+    with pytest.raises(Refused, match=r"nobody would answer 'voltmeter' \(testplans/.* simulated\.person in the bench"):
+        workspace.run()
+    assert workspace.folders() == []
+
+
+CONNECTING = """
+@pytest.mark.requirement("T-040")
+def test_connecting(operator, coil, check):
+    operator.connect("x_plus", "Connect x+", name="outer-board", options=("x_plus", "y_plus"))
+    coil.drive(0.016)
+    seen = operator.choose("Which way?", ("outward", "inward", "unclear"), name="phone-direction")
+    check("T-040", "answers", "yes" if seen == "inward" else str(seen))
+"""
+
+
+@pytest.mark.parametrize(
+    ("said", "verdict", "reason"),
+    [('"yes"', "PASS", ""), ("y_plus", "ERROR", "'y_plus' is"), ('"no"', "ERROR", "answers 'no' to 'outer-board'")],
+)
+def test_on_a_simulated_bench_is_done_what_a_file_says_is_done(tmp_path, said, verdict, reason):
+    """The coil of x+ is wound the other way than the one that was there: only connected it points inward."""
+    workspace = make(tmp_path / "workspace", CONNECTING)
+    workspace.change_bench({'x_plus: {resistance: "97.9"}': 'x_plus: {resistance: "97.9", winding: left}'})
+    ran = workspace.run(answers=answers(workspace, f"{{outer-board: {said}}}"))
+    agreed(ran, {"test_connecting": verdict}, verdict, 0 if verdict == "PASS" else 1)
+    assert reason in ran.reasons("test_connecting")
+    assert replay(ran.package).differences == ()
 
 
 @pytest.mark.system

@@ -57,7 +57,7 @@ def test_what_is_missing_ends_the_command_before_it_begins(tmp_path):
         assert told in ended.err
     ended = workspace.hil(*workspace.run_arguments)
     assert (ended.code, workspace.folders()) == (4, [])
-    assert "the simulated person has no files: give them with --answers FILE" in ended.err
+    assert "the simulated person has no files, and knows what" in ended.err
 
 
 def test_a_kill_after_a_file_was_given_loses_nothing(tmp_path):

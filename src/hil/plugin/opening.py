@@ -23,7 +23,7 @@ from hil.executive.setup.head import PlannedCase
 from hil.model.identity import Source
 from hil.plugin.plans.collection import skipped_cases
 from hil.plugin.plans.prompts import Attended, foreseen, require_answers
-from hil.plugin.terminal.answering import answers_of
+from hil.plugin.terminal.answering import acted_out, answers_of
 from hil.wire.transcript import Transcript
 
 __all__ = ["open_new", "open_resumed"]
@@ -61,7 +61,7 @@ def open_new(
             configuration,
             planned,
             binder=ports.bind,
-            answers=answers,
+            answers=acted_out(answers),
             leases=_leases(configuration) if alone else [],
             spectators=spectators,
             caller=caller,
@@ -75,9 +75,11 @@ def _require_answers(configuration: Configuration, planned: Sequence[PlannedCase
     """Require that what the cases ask is answered; nothing has been opened by then, and there is no folder of a run."""
     request, workspace = configuration.request, configuration.workspace
     outside = configuration.reach is not None
+    twin = configuration.bench.simulated
+    alone = request.source is Source.SIMULATED and not outside and not request.person
     attended = Attended(
         terminal=(sys.stdin is not None and sys.stdin.isatty()) or request.unattended,  # None where it was closed
-        simulated=request.source is Source.SIMULATED and not outside and not request.person,
+        simulated=frozenset(twin.person) if alone and twin is not None else None,
         safety=outside,
     )
     left_out = skipped_cases({case.id: case for case in planned}, request)
@@ -107,8 +109,10 @@ def open_resumed(
         configuration,
         planned,
         binder=partial(_bind_again, configuration, earlier),
-        answers=lambda bench, idle, elsewhere: Answered(
-            earlier.come_again, fresh(bench, idle, elsewhere), lambda: bench.world is not None
+        answers=acted_out(
+            lambda bench, idle, elsewhere: Answered(
+                earlier.come_again, fresh(bench, idle, elsewhere), lambda: bench.world is not None
+            )
         ),
         leases=_leases(configuration),
         spectators=spectators,

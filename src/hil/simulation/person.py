@@ -12,6 +12,7 @@ __all__ = ["Person"]
 
 _OUTWARD, _INWARD, _UNCLEAR = "outward", "inward", "unclear"
 _NONE = "none"
+_OF_HANDS = frozenset({"connect", "attach"})
 _COMPASS_THRESHOLD = 1.0
 """Change of field [uT] that a phone's compass shows beyond doubt."""
 
@@ -65,6 +66,22 @@ class Person:
         raise Refused(
             f"the simulated person does not know questions of the form '{form}'", "answer with --answers FILE"
         )
+
+    def act(self, form: str, name: str, said: str | float | bool) -> None:
+        """Do with the hands what somebody else answered.
+
+        Only what is connected moves anything; nor does what the bench file does not map.
+
+        Args:
+            form: as of `answer`.
+            name: the question's name.
+            said: the answer; for `connect` what is connected.
+
+        Raises:
+            Refused: if the plant has no such thing.
+        """
+        if form in _OF_HANDS and name in self._points:
+            self._connect(name, (str(said),))
 
     def _connect(self, name: str, options: Sequence[str]) -> str:
         """Put in place what is asked for, the first option; `none` takes away what is there."""

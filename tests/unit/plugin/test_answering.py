@@ -9,17 +9,25 @@ from types import SimpleNamespace
 
 import pytest
 
+from hil.executive.people.answers import AnswersFile
 from hil.executive.people.questions import Answer, Declined, Elsewhere, Question
 from hil.executive.setup.configuration import Request
 from hil.model.identity import Source
-from hil.plugin.terminal.answering import answers_of
+from hil.plugin.terminal.answering import acted_out, answers_of
 
 SAFETY = Question(name="fuse", form="confirm", text="Is the fuse in?", safety=True)
 JIG = Question(name="jig", form="confirm", text="Closed?")
 
 
 class Yes:
-    """A simulated person who knows everything."""
+    """A simulated person who knows everything, and notes what its hands did."""
+
+    def __init__(self):
+        self.did = []
+
+    def act(self, form, name, said):
+        """Note it."""
+        self.did.append((form, name, said))
 
     def answer(self, *_):
         """Say yes."""
@@ -80,3 +88,14 @@ def test_an_unattended_run_waits_for_another_terminal(tmp_path, source, monkeypa
 def test_on_a_bench_of_this_process_a_file_may_answer(tmp_path):
     """Nothing real hangs on it there, and cases are the same on every bench."""
     assert source_on(tmp_path, live=False).answer(SAFETY) == Answer(True, "answers file")
+
+
+@pytest.mark.parametrize(("simulated", "world"), [(True, True), (True, False), (False, True)])
+def test_the_simulated_hands_do_what_is_answered(simulated, world):
+    """Only where there is a simulated person and its world is there."""
+    hands = Yes()
+    bench = SimpleNamespace(has_person=simulated, world=SimpleNamespace(person=hands) if world else None)
+    file = AnswersFile({"jig": "yes"}, "a.yaml")
+    source = acted_out(lambda *_: file)(bench, lambda: None, Elsewhere())
+    assert source.answer(JIG) == Answer(True, "answers file")
+    assert hands.did == ([("confirm", "jig", True)] if simulated and world else [])

@@ -28,6 +28,35 @@ def test_attaches_what_is_asked_for(twin):
     assert twin.coil.inputs["board"] == ""
 
 
+@pytest.mark.parametrize("form", ["connect", "attach"])
+def test_does_what_others_say_is_done(twin, form):
+    """What somebody else says is connected is connected; `none` takes the board away."""
+    person = twin.world.person
+    person.act(form, "outer_board", "y_plus")
+    assert twin.coil.inputs["board"] == "y_plus"
+    person.act(form, "outer_board", "none")
+    assert twin.coil.inputs["board"] == ""
+
+
+@pytest.mark.parametrize(
+    ("form", "name", "said"),
+    [("confirm", "outer_board", True), ("choose", "compass", "outward"), ("measure", "coil_current", 1.0)],
+)
+def test_words_alone_move_nothing(twin, form, name, said):
+    """Nor does what the bench file does not map: then there is nothing of it in the physics."""
+    before = dict(twin.coil.inputs)
+    twin.world.person.act(form, name, said)
+    twin.world.person.act("connect", "unknown_thing", "x_plus")
+    assert twin.coil.inputs == before
+
+
+@pytest.mark.parametrize(("name", "said"), [("outer_board", "z_plus"), ("compass", "x_plus")])
+def test_refuses_to_do_what_cannot_be_done(twin, name, said):
+    """The physics has no such board, or nothing that can be connected there."""
+    with pytest.raises(Refused, match="simulated person"):
+        twin.world.person.act("connect", name, said)
+
+
 def test_sees_the_direction_of_the_coil_alone(twin):
     """The Earth's field of -38 uT does not mislead; a change below 1 uT is unclear."""
     person = twin.world.person

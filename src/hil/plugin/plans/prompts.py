@@ -58,19 +58,20 @@ class Attended:
 
     Attributes:
         terminal: whether a person can answer at a terminal, or through the inbox.
-        simulated: whether the simulated person answers, who has no files.
+        simulated: what the simulated person knows besides confirmations, by name, if it answers; it has no files.
         safety: whether a safety confirmation is a person's alone, because the bench is outside this process.
     """
 
     terminal: bool
-    simulated: bool
+    simulated: frozenset[str] | None
     safety: bool
 
-    def answers(self, question: Question) -> bool:
-        """Return whether somebody answers a question that no file answers."""
-        if self.simulated:
-            return question.form != FILE
-        return self.terminal
+    def answers(self, foreseen: Foreseen) -> bool:
+        """Return whether somebody answers a question that no file answers; of a name put together, whether one may."""
+        if self.simulated is None:
+            return self.terminal
+        form = foreseen.question.form
+        return form == "confirm" or (form != FILE and any(map(foreseen.pattern.fullmatch, self.simulated)))
 
 
 def foreseen(item: pytest.Item, root: Path) -> tuple[Foreseen, ...]:
@@ -232,8 +233,9 @@ def require_answers(
     if open_questions:
         told = "; ".join(dict.fromkeys(map(_told, open_questions)))
         hint = "each needs a person: give answers with --answers FILE, or run from a terminal"
-        if attended.simulated:
-            hint = "the simulated person has no files: give them with --answers FILE"
+        if attended.simulated is not None:
+            hint = "the simulated person has no files, and knows what simulated.person in the bench file maps: give"
+            hint += " answers with --answers FILE, or --ask to answer at the terminal"
         raise Refused(f"nobody would answer {told}", hint)
 
 
@@ -241,7 +243,7 @@ def _is_answered(each: Foreseen, prepared: Prepared, attended: Attended) -> bool
     """Return whether a question gets an answer; of one whose name is put together, whether any answer may be its."""
     if attended.safety and each.question.safety:
         return attended.terminal
-    return attended.answers(each.question) or any(map(each.pattern.fullmatch, prepared.answers))
+    return attended.answers(each) or any(map(each.pattern.fullmatch, prepared.answers))
 
 
 def _told(each: Foreseen) -> str:

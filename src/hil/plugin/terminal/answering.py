@@ -19,11 +19,12 @@ from hil.executive.people.answers import (
     Witnessed,
     load_answers,
 )
+from hil.executive.people.hands import ActedOut
 from hil.executive.people.questions import AnswerSource, Elsewhere
 from hil.executive.setup.configuration import Request
 from hil.plugin.terminal.prompt import NoTerminal, Terminal
 
-__all__ = ["answers_of"]
+__all__ = ["acted_out", "answers_of"]
 
 
 def answers_of(request: Request, shown: Callable[[Path], str]) -> Answering:
@@ -49,6 +50,18 @@ def answers_of(request: Request, shown: Callable[[Path], str]) -> Answering:
         if bench.live is not None:
             source = AskedLive(last if isinstance(last, TerminalPerson) else NobodyLive(), source)
         return Witnessed(source, request.operator)
+
+    return make
+
+
+def acted_out(answering: Answering) -> Answering:
+    """Let the simulated person of a simulated bench do what is answered, whoever answers; elsewhere nobody does."""
+
+    def make(bench: BoundBench, idle: Callable[[], None], elsewhere: Elsewhere) -> AnswerSource:
+        source = answering(bench, idle, elsewhere)
+        if not bench.has_person:
+            return source
+        return ActedOut(source, lambda: bench.world.person if bench.world is not None else None)
 
     return make
 
