@@ -8,7 +8,6 @@ import re
 import subprocess
 import sys
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,8 +20,9 @@ from hil.cli.commands.analyse import command
 from hil.model.errors import Refused
 from hil.model.figure import Figure, FigureStatus
 
-ROOT = Path(__file__).parents[3]
-SLICE = str(ROOT / "docs" / "data" / "gyroscope-xsens-rest.txt")
+pytestmark = pytest.mark.usefixtures("in_the_checkout")
+
+SLICE = "docs/data/gyroscope-xsens-rest.txt"
 REST = ("--time", "1", "--columns", "2,3,4", "--unit", "LSB", "--to", "50")
 ONE = ("--time", "1", "--columns", "2", "--unit", "LSB", "--to", "50")
 

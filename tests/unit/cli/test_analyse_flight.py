@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
@@ -11,8 +10,9 @@ from click.testing import CliRunner
 from hil.cli.commands.analyse import command
 from hil.model.errors import Refused
 
-ROOT = Path(__file__).parents[3]
-LOG = str(ROOT / "docs" / "data" / "flight-simulated.csv")
+pytestmark = pytest.mark.usefixtures("in_the_checkout")
+
+LOG = "docs/data/flight-simulated.csv"
 RATES = ("--time", "t", "--columns", "gx,gy,gz", "--unit", "deg/s")
 BOTH = (*RATES, "--field", "mx,my,mz", "--field-unit", "uT")
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +11,9 @@ from click.testing import CliRunner
 from hil.cli.commands.analyse import command
 from hil.model.errors import HilError, Refused
 
-SLICE = str(Path(__file__).parents[3] / "docs" / "data" / "gyroscope-xsens-rest.txt")
+pytestmark = pytest.mark.usefixtures("in_the_checkout")
+
+SLICE = "docs/data/gyroscope-xsens-rest.txt"
 REST = (SLICE, "--time", "1", "--columns", "2", "--unit", "LSB", "--to", "50")
 UNTIMED = ("--rate", "100", "--unit", "deg/s")
 

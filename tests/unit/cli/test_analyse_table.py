@@ -11,8 +11,9 @@ from click.testing import CliRunner
 from hil.cli.commands.analyse import command
 from hil.model.errors import ConfigurationError, Refused
 
-ROOT = Path(__file__).parents[3]
-DATA = ROOT / "docs" / "data"
+pytestmark = pytest.mark.usefixtures("in_the_checkout")
+
+DATA = Path("docs/data")
 
 THESIS = {
     ("4.6", "y", "flicker"): (893.17, "4.3 had 7.5690e-5, not 7.5660e-5"),
