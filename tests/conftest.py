@@ -7,6 +7,8 @@ import sys
 
 import pytest
 import sweeps
+from hypothesis import settings
+from hypothesis.internal.conjecture import providers
 
 _GREW = 100  # modules; about a third of what the first whole run of a process imports
 _ALLOCATED = 50_000  # objects between two collections; at Python's 700, a fifteenth of all tests is collecting
@@ -21,7 +23,21 @@ def pytest_addoption(parser):
 def pytest_configure(config):
     """Tell how much of each sweep is run, before test modules are imported and their parameters made."""
     sweeps.begin(whole=config.getoption("soak"))
+    _give_examples(soak=config.getoption("soak"))
     gc.set_threshold(_ALLOCATED)
+
+
+def _give_examples(*, soak):
+    """Try properties with some examples, the same each time; in a soak with many, and others each time.
+
+    No example has a deadline: one that waits for a busy core is not wrong.
+    """
+    settings.register_profile("sample", max_examples=sweeps.examples(100), derandomize=True, deadline=None)
+    settings.register_profile("soak", max_examples=sweeps.examples(100), deadline=None)
+    settings.load_profile("soak" if soak else "sample")
+    if not soak and hasattr(providers, "_get_local_constants"):
+        # It reads every module that happens to be loaded, for seconds, to try its constants: no two runs are the same.
+        providers._get_local_constants = providers.Constants
 
 
 def pytest_collection_modifyitems(config, items):

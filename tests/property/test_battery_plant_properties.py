@@ -40,14 +40,14 @@ def lived(plant, schedule, looks=(), begin_ns=0, end_ns=250 * SECOND_NS):
     return json.dumps(plant.state())
 
 
-@settings(max_examples=sweeps.examples(40), deadline=None, derandomize=True)
+@settings(max_examples=sweeps.examples(40), derandomize=True)
 @given(schedule=SCHEDULES, looks=st.lists(INSTANTS, max_size=15))
 def test_observing_changes_nothing(schedule, looks):
     """Any pattern of observations leaves every break point bit-identical."""
     assert lived(battery(charge="0.5"), schedule, looks) == lived(battery(charge="0.5"), schedule)
 
 
-@settings(max_examples=sweeps.examples(40), deadline=None, derandomize=True)
+@settings(max_examples=sweeps.examples(40), derandomize=True)
 @given(schedule=SCHEDULES, pause_ns=INSTANTS)
 def test_restored_in_the_middle_it_goes_on(schedule, pause_ns):
     """A plant saved and restored through JSON at any instant ends in the same bits."""
@@ -57,7 +57,7 @@ def test_restored_in_the_middle_it_goes_on(schedule, pause_ns):
     assert lived(other, schedule, begin_ns=pause_ns + 1) == lived(battery(charge="0.5"), schedule)
 
 
-@settings(max_examples=sweeps.examples(200), deadline=None, derandomize=True)
+@settings(max_examples=sweeps.examples(200), derandomize=True)
 @given(
     volts=st.floats(0, 6),
     limit=st.floats(0, 3),

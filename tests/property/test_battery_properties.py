@@ -27,7 +27,7 @@ def data_of(samples):
     return series(np.cumsum(steps), voltage, current)
 
 
-@settings(max_examples=sweeps.examples(60), deadline=None)
+@settings(max_examples=sweeps.examples(60))
 @given(SAMPLES)
 def test_steps_part_the_samples_and_no_charge_is_lost(samples):
     """Steps follow each other without gap or overlap; in less out is the trapezoid where no gap is."""
@@ -41,7 +41,7 @@ def test_steps_part_the_samples_and_no_charge_is_lost(samples):
         assert net == pytest.approx(np.trapezoid(data.current, data.time) / 3600.0, abs=1e-9)
 
 
-@settings(max_examples=sweeps.examples(60), deadline=None)
+@settings(max_examples=sweeps.examples(60))
 @given(SAMPLES, st.floats(-1e4, 1e4))
 def test_when_a_test_began_does_not_matter(samples, shift):
     """The same samples later give the same cycles, only later."""
@@ -53,7 +53,7 @@ def test_when_a_test_began_does_not_matter(samples, shift):
         assert (one.charge is None) == (other.charge is None)
 
 
-@settings(max_examples=sweeps.examples(60), deadline=None)
+@settings(max_examples=sweeps.examples(60))
 @given(SAMPLES)
 def test_what_flows_one_way_is_never_negative(samples):
     """Both sides are not below zero, and turning the sign exchanges them."""
@@ -62,7 +62,7 @@ def test_what_flows_one_way_is_never_negative(samples):
     assert np.array_equal(one_way(data.time, data.current, 1), one_way(data.time, -data.current, -1))
 
 
-@settings(max_examples=sweeps.examples(60), deadline=None)
+@settings(max_examples=sweeps.examples(60))
 @given(st.text(alphabet="0123456789;,.-+eE \r\nTESTND", max_size=300))
 def test_any_text_is_a_log_or_is_refused(tmp_path_factory, text):
     """Whatever bytes a terminal wrote: rows with a time that does not go back, or a plain refusal."""

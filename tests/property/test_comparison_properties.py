@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from hil.analysis import rank, relative_deviation
 from hil.model.figure import Figure
 
-steady = settings(derandomize=True, deadline=None, max_examples=sweeps.examples(60))
+steady = settings(derandomize=True, max_examples=sweeps.examples(60))
 figures = st.builds(
     lambda value, uncertainty: Figure(value=value, unit="uT", uncertainty=uncertainty),
     st.floats(0.01, 100.0),

@@ -19,7 +19,7 @@ PIECES = st.one_of(
 )
 
 
-@settings(max_examples=sweeps.examples(60), deadline=None, derandomize=True)
+@settings(max_examples=sweeps.examples(60), derandomize=True)
 @given(pieces=st.lists(PIECES, max_size=12))
 def test_it_survives_any_bytes(pieces):
     """After any bytes and frames it tells its type, and turns of its loop go on."""

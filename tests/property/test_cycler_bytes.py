@@ -24,7 +24,7 @@ def sound(data):
     return len(data) <= 140 and sealed(text) == f"{text}*{check}".encode("ascii").replace(b"\r\n", b"\n")
 
 
-@settings(max_examples=sweeps.examples(100), deadline=None, derandomize=True)
+@settings(max_examples=sweeps.examples(100), derandomize=True)
 @given(pieces=PIECES, pause=st.floats(0, 12), shown=SHOWN)
 def test_the_cycler_survives_any_bytes(pieces, pause, shown):
     """Every line that it sends is whole, its state is JSON, both relays are never closed, and STOP opens them."""
@@ -42,7 +42,7 @@ def test_the_cycler_survives_any_bytes(pieces, pause, shown):
     assert under.relays() == "-"
 
 
-@settings(max_examples=sweeps.examples(50), deadline=None, derandomize=True)
+@settings(max_examples=sweeps.examples(50), derandomize=True)
 @given(pieces=st.lists(st.binary(min_size=1, max_size=100), min_size=1, max_size=8), pause=st.floats(0, 12))
 def test_level_one_takes_any_byte_once(pieces, pause):
     """The first byte starts it, the others change nothing."""
@@ -56,7 +56,7 @@ def test_level_one_takes_any_byte_once(pieces, pause):
     assert all(text.startswith("3.600;") for text in texts[1:])
 
 
-@settings(max_examples=sweeps.examples(60), deadline=None, derandomize=True)
+@settings(max_examples=sweeps.examples(60), derandomize=True)
 @given(
     before=PIECES,
     after=PIECES,

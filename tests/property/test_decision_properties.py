@@ -13,7 +13,7 @@ from hil.model.verdict import Verdict
 from hil.requirements.decision import judge
 from hil.requirements.requirement import Decision, Limit
 
-steady = settings(derandomize=True, deadline=None)
+steady = settings(derandomize=True)
 
 _SAMPLES = 20_000
 _BOUNDS = st.one_of(st.none(), st.decimals(-100, 100, places=3).map(str))

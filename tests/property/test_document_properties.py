@@ -26,7 +26,7 @@ class Anything:
     rest: Mapping[str, Plain] = field(default_factory=dict)
 
 
-steady = settings(derandomize=True, deadline=None)
+steady = settings(derandomize=True)
 
 _JSON = st.recursive(
     st.none()

@@ -16,7 +16,7 @@ records = st.integers(0, 10_000).map(lambda seed: np.random.default_rng(seed).no
 factors = st.floats(0.01, 100) | st.floats(-100, -0.01)
 
 
-@settings(max_examples=3, deadline=None)
+@settings(max_examples=3)
 @given(records, factors, st.floats(-0.1, 0.1), st.floats(-10, 10))
 def test_scaled_and_sloped_values_scale_and_slope_the_figures(values, factor, slope, shift):
     """Values times a factor, with a line over the temperature: noise is scaled, and the line is found whole."""
@@ -30,7 +30,7 @@ def test_scaled_and_sloped_values_scale_and_slope_the_figures(values, factor, sl
         assert other == pytest.approx(abs(factor) * one, rel=1e-3)
 
 
-@settings(max_examples=3, deadline=None)
+@settings(max_examples=3)
 @given(records)
 def test_backwards_in_time_the_loop_turns_the_other_way(values):
     """Slope and offset stay, hysteresis and drift over time change their signs; only the edges of bins differ."""

@@ -14,7 +14,7 @@ WORDS = (
 BYTES = st.one_of(st.binary(max_size=60), st.lists(st.sampled_from(WORDS), max_size=20).map(b"".join))
 
 
-@settings(max_examples=sweeps.examples(60), deadline=None, derandomize=True)
+@settings(max_examples=sweeps.examples(60), derandomize=True)
 @given(pieces=st.lists(BYTES, max_size=5))
 def test_controller_survives_any_bytes(pieces):
     """After any bytes, a carriage return and a stop, it tells its version, and its errors come to an end."""

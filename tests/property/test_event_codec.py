@@ -58,7 +58,7 @@ def parts(kind):
 
 @pytest.mark.parametrize("kind", sorted(KINDS))
 @given(st.data())
-@settings(max_examples=sweeps.chosen(4, 20), deadline=None)
+@settings(max_examples=sweeps.chosen(4, 20))
 def test_every_kind_is_written_and_read(tmp_path_factory, kind, data):
     """A journal gives back every event as it was, stamped, in canonical JSON, with an unbroken chain."""
     events = data.draw(st.lists(parts(KINDS[kind]), min_size=1, max_size=3))

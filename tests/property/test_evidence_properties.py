@@ -96,7 +96,7 @@ VALUES = st.recursive(
 
 
 @given(VALUES)
-@settings(max_examples=sweeps.examples(300), deadline=None)
+@settings(max_examples=sweeps.examples(300))
 def test_the_quick_writer_writes_what_the_complete_one_writes(value):
     """Same bytes, or the same refusal, for whatever JSON can and cannot hold."""
     try:
@@ -118,7 +118,7 @@ READABLE = st.recursive(
 
 
 @given(READABLE)
-@settings(max_examples=sweeps.examples(300), deadline=None)
+@settings(max_examples=sweeps.examples(300))
 def test_a_text_is_known_again_as_the_writer_writes_it(value):
     """Its own text is, and one that says the same otherwise is not; the library's own text of it is often another."""
     read = parse_strict(canonical(value))
@@ -129,7 +129,7 @@ def test_a_text_is_known_again_as_the_writer_writes_it(value):
 @given(READABLE)
 @example(0.0)
 @example(-3.0)
-@settings(max_examples=sweeps.examples(300), deadline=None)
+@settings(max_examples=sweeps.examples(300))
 def test_a_digest_is_the_same_where_numbers_are_known_to_be_finite(value):
     """The library writes the text only where it is the canonical one."""
     assert digest(value, finite=True) == digest(value)

@@ -12,7 +12,7 @@ from hypothesis.extra.numpy import arrays
 from hil.analysis.coil import on_axis_rectangle
 from hil.analysis.magnetics import direction, odd_response
 
-steady = settings(derandomize=True, deadline=None, max_examples=sweeps.examples(60))
+steady = settings(derandomize=True, max_examples=sweeps.examples(60))
 
 fields = arrays(np.float64, (3, 4, 3), elements=st.floats(-50, 50).map(lambda value: round(value, 3)))
 quaternions = arrays(np.float64, 4, elements=st.floats(-1, 1)).filter(lambda q: np.linalg.norm(q) > 0.1)

@@ -27,7 +27,7 @@ REQUESTS = st.builds(
 )  # fmt: skip
 
 
-@settings(max_examples=sweeps.examples(100), deadline=None, derandomize=True)
+@settings(max_examples=sweeps.examples(100), derandomize=True)
 @given(pieces=st.lists(st.one_of(st.binary(max_size=300), REQUESTS), max_size=8), pause_ms=st.integers(0, 30))
 def test_the_board_survives_any_bytes(pieces, pause_ms):
     """After any bytes and requests every frame it sends is whole, its state is JSON, and it says who it is."""
@@ -41,7 +41,7 @@ def test_the_board_survives_any_bytes(pieces, pause_ms):
     assert under.ask(0x01, 60_002)[-7:] == b"hil-obc"
 
 
-@settings(max_examples=sweeps.examples(200), deadline=None, derandomize=True)
+@settings(max_examples=sweeps.examples(200), derandomize=True)
 @given(
     kind=st.integers(0, 255),
     sequence=st.integers(0, 65_535),
@@ -60,7 +60,7 @@ def test_what_is_framed_comes_back(kind, sequence, payload, cuts):
     assert (frame.kind, frame.sequence, frame.payload) == (kind, sequence, payload)
 
 
-@settings(max_examples=sweeps.examples(200), deadline=None, derandomize=True)
+@settings(max_examples=sweeps.examples(200), derandomize=True)
 @given(payload=st.binary(max_size=300), place=st.integers(min_value=0), bit=st.integers(0, 7))
 def test_no_flipped_bit_is_taken_for_a_frame(payload, place, bit):
     """One flipped bit anywhere, delimiters included, leaves no frame."""

@@ -17,7 +17,7 @@ WORDS = (
 SCPI_BYTES = st.one_of(st.binary(max_size=60), st.lists(st.sampled_from(WORDS), max_size=20).map(b"".join))
 
 
-@settings(max_examples=sweeps.examples(60), deadline=None, derandomize=True)
+@settings(max_examples=sweeps.examples(60), derandomize=True)
 @given(pieces=st.lists(SCPI_BYTES, max_size=5))
 def test_supply_survives_any_bytes(pieces):
     """After any bytes, ended by a line feed and cleared, the supply names itself."""
@@ -28,7 +28,7 @@ def test_supply_survives_any_bytes(pieces):
     assert twin.scpi("SYST:ERR?") == '+0,"No error"'
 
 
-@settings(max_examples=sweeps.examples(60), deadline=None, derandomize=True)
+@settings(max_examples=sweeps.examples(60), derandomize=True)
 @given(pieces=st.lists(st.one_of(st.binary(max_size=300), st.binary(max_size=12).map(lambda body: seal(b"\1" + body)))))
 def test_relay_board_survives_any_bytes(pieces):
     """After any bytes and frames the board answers, under whatever address they may have given it."""
@@ -38,7 +38,7 @@ def test_relay_board_survives_any_bytes(pieces):
     assert checked(twin.exchange("relays", seal(bytes.fromhex("000340000001")))) is not None
 
 
-@settings(max_examples=sweeps.examples(60), deadline=None, derandomize=True)
+@settings(max_examples=sweeps.examples(60), derandomize=True)
 @given(
     writes=st.lists(st.binary(min_size=1, max_size=8), max_size=8),
     reads=st.lists(st.integers(min_value=0, max_value=32), max_size=4),
@@ -55,7 +55,7 @@ def test_magnetometer_survives_any_messages(writes, reads):
     assert twin.register(0x0F) == 0x3D
 
 
-@settings(max_examples=sweeps.examples(200), deadline=None, derandomize=True)
+@settings(max_examples=sweeps.examples(200), derandomize=True)
 @given(body=st.binary(min_size=2, max_size=250), place=st.integers(min_value=0), bit=st.integers(0, 7))
 def test_checksum_finds_every_flipped_bit(body, place, bit):
     """A sealed frame is accepted, with any one bit flipped it is not."""

@@ -44,14 +44,14 @@ def run(plant, schedule, looks=(), end_ns=45 * GRID_NS):
     return json.dumps(plant.state())
 
 
-@settings(max_examples=sweeps.examples(40), deadline=None, derandomize=True)
+@settings(max_examples=sweeps.examples(40), derandomize=True)
 @given(schedule=SCHEDULES, looks=st.lists(INSTANTS, max_size=20))
 def test_observing_changes_nothing(schedule, looks):
     """Any pattern of observations leaves every break point bit-identical."""
     assert run(coil(), schedule, looks) == run(coil(), schedule)
 
 
-@settings(max_examples=sweeps.examples(40), deadline=None, derandomize=True)
+@settings(max_examples=sweeps.examples(40), derandomize=True)
 @given(schedule=SCHEDULES, pause_ns=INSTANTS, looks=st.lists(INSTANTS, max_size=5))
 def test_restored_in_the_middle_it_goes_on(schedule, pause_ns, looks):
     """A plant saved and restored through JSON at any instant ends in the same bits."""
@@ -64,7 +64,7 @@ def test_restored_in_the_middle_it_goes_on(schedule, pause_ns, looks):
     assert run(other, after) == run(coil(), schedule)
 
 
-@settings(max_examples=sweeps.examples(40), deadline=None, derandomize=True)
+@settings(max_examples=sweeps.examples(40), derandomize=True)
 @given(schedule=SCHEDULES, at_ns=st.integers(1, 40 * GRID_NS), late_ns=st.integers(0, 3 * GRID_NS))
 def test_an_instant_looks_the_same_later(schedule, at_ns, late_ns):
     """What a sensor's conversion saw does not depend on when it is read."""
@@ -74,7 +74,7 @@ def test_an_instant_looks_the_same_later(schedule, at_ns, late_ns):
     assert [early.observe_at(name, at_ns) for name in SIGNALS] == [later.observe_at(name, at_ns) for name in SIGNALS]
 
 
-@settings(max_examples=sweeps.examples(40), deadline=None, derandomize=True)
+@settings(max_examples=sweeps.examples(40), derandomize=True)
 @given(steps=st.lists(st.integers(1, 3 * GRID_NS), min_size=1, max_size=30))
 def test_advancing_in_any_pieces_is_the_same(steps):
     """However time comes along, the plant ends in the same bits."""

@@ -191,7 +191,7 @@ STARTED = (
 
 
 @pytest.mark.system
-@settings(max_examples=sweeps.examples(60), deadline=None, derandomize=True)
+@settings(max_examples=sweeps.examples(60), derandomize=True)
 @given(
     before=st.lists(deeds(BATTERY, PAUSES), max_size=6),
     pause_ns=PAUSES,
@@ -206,7 +206,7 @@ def test_a_battery_in_a_test(before, pause_ns, after, at_once):
 
 @pytest.mark.system
 @pytest.mark.parametrize("which", sweeps.chosen(["whole"], ["small", "whole"]))
-@settings(max_examples=sweeps.examples(30), deadline=None, derandomize=True)
+@settings(max_examples=sweeps.examples(30), derandomize=True)
 @given(data=st.data())
 def test_an_attitude_bench(which, data):
     """Supply, relays and magnetometer; and all of the committed bench."""

@@ -52,7 +52,7 @@ def chosen(packages, **changed):
 
 
 @given(figures(), st.randoms(use_true_random=False))
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=6)
 def test_the_order_of_packages_plays_no_part(held, chance):
     """Page, CSV and JSON are the same bytes."""
     packages = [package(number, held[number::4]) for number in range(4)] + [package(9, held[:5])]
@@ -65,7 +65,7 @@ def test_the_order_of_packages_plays_no_part(held, chance):
 
 
 @given(figures(), st.sets(st.sampled_from(range(9))))
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 def test_taking_evidence_away_makes_no_candidate_surer(held, away):
     """What a candidate wins for certain only falls, and every package that is gone is named."""
     packages = [package(number, [figure]) for number, figure in enumerate(held)]
@@ -78,7 +78,7 @@ def test_taking_evidence_away_makes_no_candidate_surer(held, away):
 
 
 @given(figures())
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 def test_probabilities_add_up_and_follow_the_places(held):
     """Among those that were judged somebody is the best, and nobody below all others has a share of half."""
     for cell in chosen([package(1, held)]).cells:

@@ -33,7 +33,7 @@ def noise(bandwidth=20.0):
 WHOLE = noise().samples(0, LENGTH)
 
 
-@settings(max_examples=sweeps.examples(20), deadline=None, derandomize=True)
+@settings(max_examples=sweeps.examples(20), derandomize=True)
 @given(cuts=CUTS, restored=st.booleans())
 def test_pieces_are_the_whole(cuts, restored):
     """Read in any pieces, saved and restored between them through JSON or not, the samples are bit-identical."""
@@ -48,7 +48,7 @@ def test_pieces_are_the_whole(cuts, restored):
     assert np.array_equal(np.concatenate(parts), WHOLE)
 
 
-@settings(max_examples=sweeps.examples(20), deadline=None, derandomize=True)
+@settings(max_examples=sweeps.examples(20), derandomize=True)
 @given(skipped=st.integers(0, LENGTH - 1))
 def test_what_nobody_read_changes_nothing(skipped):
     """Samples after a gap are the ones that they would be without it."""
@@ -86,7 +86,7 @@ class Sensor:
         return self.peer.read(ADDRESS, 3 + count)
 
 
-@settings(max_examples=sweeps.examples(20), deadline=None, derandomize=True)
+@settings(max_examples=sweeps.examples(20), derandomize=True)
 @given(looks=st.lists(st.integers(0, 2500 * 1000), min_size=1, max_size=6).map(sorted), saved=st.integers(0, 5))
 def test_a_sensor_restored_goes_on_with_the_same_bytes(looks, saved):
     """Saved after any look through JSON, a fresh sensor gives the bytes and edges that the first one would have."""
@@ -105,7 +105,7 @@ def test_a_sensor_restored_goes_on_with_the_same_bytes(looks, saved):
     assert first.edges + second.edges == whole.edges
 
 
-@settings(max_examples=sweeps.examples(20), deadline=None, derandomize=True)
+@settings(max_examples=sweeps.examples(20), derandomize=True)
 @given(looks=st.lists(st.integers(0, 2500 * 1000), max_size=8).map(sorted))
 def test_looking_changes_no_sample(looks):
     """However often the FIFO is emptied within its 1.28 s, the packets are the same."""

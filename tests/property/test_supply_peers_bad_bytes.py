@@ -17,7 +17,7 @@ WORDS = (
 BYTES = st.one_of(st.binary(max_size=60), st.lists(st.sampled_from(WORDS), max_size=20).map(b"".join))
 
 
-@settings(max_examples=sweeps.examples(60), deadline=None, derandomize=True)
+@settings(max_examples=sweeps.examples(60), derandomize=True)
 @given(pieces=st.lists(BYTES, max_size=5))
 def test_rigol_survives_any_bytes(pieces):
     """After any bytes, ended by a line feed and cleared, it names itself and has no error."""
@@ -28,7 +28,7 @@ def test_rigol_survives_any_bytes(pieces):
     assert supply.line(":SYST:ERR?") == '0,"No error"'
 
 
-@settings(max_examples=sweeps.examples(60), deadline=None, derandomize=True)
+@settings(max_examples=sweeps.examples(60), derandomize=True)
 @given(pieces=st.lists(BYTES, max_size=5))
 def test_korad_survives_any_bytes(pieces):
     """After any bytes and silence it names itself, and its settings are within its range."""

@@ -13,7 +13,7 @@ from hil.analysis import charge, crossing, peak, time_above, time_below
 WAVES = st.lists(st.floats(-10, 10).map(lambda value: round(value, 3)), min_size=4, max_size=40)
 
 
-@settings(max_examples=sweeps.examples(300), deadline=None)
+@settings(max_examples=sweeps.examples(300))
 @given(WAVES, st.floats(-9, 9).map(lambda level: round(level, 3) + 0.0005), st.floats(-5, 5), st.floats(0.1, 10))
 @example([0.0, 0.0, 0.0, 0.0, 0.0, 5.0, 1.0, 0.0], 4.0005, 0.0, 1.0)  # falls farther than it ever rose
 def test_shifted_and_scaled(values, level, shift, gain):
@@ -28,7 +28,7 @@ def test_shifted_and_scaled(values, level, shift, gain):
     assert peak(time, gain * signal, "A").status is peak(time, signal, "A").status
 
 
-@settings(max_examples=sweeps.examples(200), deadline=None)
+@settings(max_examples=sweeps.examples(200))
 @given(WAVES, st.floats(0.1, 10))
 def test_charge_is_linear_and_additive(values, gain):
     """Twice the current is twice the charge, and two parts make the whole."""
