@@ -175,7 +175,7 @@ def test_what_cannot_be_opened_says_why(acme):
 def test_its_safe_bytes_are_calls(acme, tmp_path):
     """They end half a line, and what they prove is asked of the instrument, not remembered."""
     file, spec = acme
-    spec = replace(spec, instruments=(replace(spec.instruments[0], timeout_s=0.2),))
+    spec = replace(spec, instruments=(replace(spec.instruments[0], timeout_s=1.0),))
     with closing(bind_live(spec, reach_of_hardware(spec), EPOCH, Transcript(None))) as bench:
         plan = plan_of(bench, tmp_path, ())
         (port,), (output,) = plan.ports, plan.outputs
