@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import statistics
+import os
 import subprocess
 import sys
-import time
 
 import pytest
 
-pytestmark = [pytest.mark.system, pytest.mark.alone, pytest.mark.timeout(480)]
+pytestmark = pytest.mark.system
 
 PYTHON = sys.executable
 MOST_PYTHONS = 8.0
@@ -17,16 +16,18 @@ MOST_SECONDS = 0.030
 
 
 def seconds(*command, cwd):
-    """Return how long a whole process takes."""
-    began = time.perf_counter()
-    subprocess.run(command, cwd=cwd, check=True, capture_output=True)
-    return time.perf_counter() - began
+    """Return the processor time of a whole process: what else the machine does adds little to it."""
+    process = subprocess.Popen(command, cwd=cwd, stdout=subprocess.DEVNULL)
+    _, status, used = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    assert process.returncode == 0
+    return used.ru_utime + used.ru_stime
 
 
-def alternating(first, second, cwd, pairs):
-    """Return the durations of two commands that were run in turns, so that both see the same machine."""
+def least(first, second, cwd, pairs):
+    """Return the least times of two commands that were run in turns, so that both see the same machine."""
     times = [(seconds(*first, cwd=cwd), seconds(*second, cwd=cwd)) for _ in range(pairs)]
-    return tuple(zip(*times, strict=True))
+    return tuple(map(min, zip(*times, strict=True)))
 
 
 def holds_at_last(measure, attempts=3):
@@ -38,10 +39,8 @@ def test_help_takes_eight_pythons_at_most(tmp_path):
     """`hil --help` as a whole process, in units of a Python that does nothing."""
 
     def measure():
-        nothing, helped = alternating(
-            (PYTHON, "-c", "pass"), (PYTHON, "-m", "hil.cli", "--help"), cwd=tmp_path, pairs=7
-        )
-        return statistics.median(helped) <= MOST_PYTHONS * statistics.median(nothing)
+        nothing, helped = least((PYTHON, "-c", "pass"), (PYTHON, "-m", "hil.cli", "--help"), cwd=tmp_path, pairs=5)
+        return helped <= MOST_PYTHONS * nothing
 
     assert holds_at_last(measure)
 
@@ -52,10 +51,8 @@ def test_an_unrelated_pytest_run_pays_thirty_milliseconds_at_most(tmp_path):
     run = (PYTHON, "-m", "pytest", "-q", "-p", "no:cacheprovider", "test_nothing.py")
 
     def measure():
-        without, installed = alternating((*run, "-p", "no:hil"), run, cwd=tmp_path, pairs=11)
-        differences = [more - less for less, more in zip(without, installed, strict=True)]
-        # Both are upper bounds of what the plugin costs; load on the machine only ever adds.
-        return min(statistics.median(differences), min(installed) - min(without)) <= MOST_SECONDS
+        without, installed = least((*run, "-p", "no:hil"), run, cwd=tmp_path, pairs=5)
+        return installed - without <= MOST_SECONDS  # load on the machine only ever adds
 
     assert holds_at_last(measure)
 
