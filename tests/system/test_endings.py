@@ -149,10 +149,18 @@ def test_a_case_that_never_ends_is_ended_and_the_next_one_runs(tmp_path, body):
     assert reason.endswith("s without letting any bench time pass")
 
 
+LOCKED = """\
+import ctypes
+library = ctypes.PyDLL(None)
+lock = ctypes.create_string_buffer(256)
+library.pthread_mutex_lock(lock)
+library.pthread_mutex_lock(lock)"""
+"""Waits for itself for ever without giving up the interpreter: as a long calculation in C, but no core is kept busy."""
+
+
 def test_a_case_that_does_not_return_from_a_call_ends_with_its_process(tmp_path):
     """No signal reaches it; the run is left as it is, and says where it was."""
-    body = "import collections, itertools\ncollections.deque(itertools.repeat(0), maxlen=0)"
-    workspace = make(tmp_path / "workspace", case(body, limit="1"))
+    workspace = make(tmp_path / "workspace", case(LOCKED, limit="1"))
     ended = finish(workspace.start_run())
     (folder,) = workspace.folders()
     assert ended.code == 3

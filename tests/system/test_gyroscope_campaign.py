@@ -63,15 +63,15 @@ def found(package):
     }
 
 
+def campaign(folder):
+    """Run the shortened campaign in a workspace of its own."""
+    return gyroscope_workspace(folder / "workspace", parameters=SHORTENED, changes=CLEAR_MINIMUM).run()
+
+
 @pytest.fixture(scope="module")
 def healthy(tmp_path_factory):
-    """Run the shortened campaign twice, in two workspaces."""
-    return [
-        gyroscope_workspace(
-            tmp_path_factory.mktemp("campaign") / "workspace", parameters=SHORTENED, changes=CLEAR_MINIMUM
-        ).run()
-        for _ in range(2)
-    ]
+    """Run the shortened campaign."""
+    return campaign(tmp_path_factory.mktemp("campaign"))
 
 
 @pytest.fixture(scope="module")
@@ -89,22 +89,22 @@ def polynomial(truth, name, temperature):
 
 def test_a_healthy_campaign_passes_and_is_sealed(healthy):
     """All requirements are good, the exit code is 0, and the package verifies."""
-    ran = healthy[0]
-    assert (ran.code, found(ran.package)) == (0, GOOD), ran.out
-    checked = verify(ran.package.folder)
+    assert (healthy.code, found(healthy.package)) == (0, GOOD), healthy.out
+    checked = verify(healthy.package.folder)
     assert (checked.findings, checked.state) == ((), "SEALED")
 
 
-def test_the_same_campaign_gives_the_same_evidence(healthy):
+@pytest.mark.soak
+def test_the_same_campaign_gives_the_same_evidence(healthy, tmp_path):
     """Two runs in two folders have one content digest."""
-    one, other = (ran.package for ran in healthy)
+    one, other = healthy.package, campaign(tmp_path).package
     assert one.content_digest == other.content_digest
     assert one.text(ARTIFACT) == other.text(ARTIFACT)
 
 
 def test_the_campaign_is_the_same_on_its_recorded_bytes(healthy):
     """The replay asks for every byte again, and comes to every verdict, value, row and file."""
-    replayed = replay(healthy[0].package)
+    replayed = replay(healthy.package)
     assert (replayed.cases, replayed.differences) == (2, ())
 
 
@@ -112,7 +112,7 @@ def test_the_campaign_is_the_same_on_its_recorded_bytes(healthy):
 @pytest.mark.parametrize("temperature", [-15.0, 10.0, 25.0, 42.0])
 def test_the_exported_bias_is_true(healthy, truth, axis, temperature):
     """At every temperature it is within three stated standard uncertainties of the article's, and these are small."""
-    bias = from_json(healthy[0].package.text(ARTIFACT)).axes[axis].bias.figure(temperature)
+    bias = from_json(healthy.package.text(ARTIFACT)).axes[axis].bias.figure(temperature)
     assert abs(bias.value - polynomial(truth, f"bias_{axis}", temperature)) < 3 * bias.uncertainty
     assert bias.uncertainty < 0.02
 
@@ -121,7 +121,7 @@ def test_the_exported_bias_is_true(healthy, truth, axis, temperature):
 @pytest.mark.parametrize("temperature", [-15.0, 25.0, 42.0])
 def test_the_exported_scale_is_true(healthy, truth, axis, temperature):
     """It is one over the article's gain, within three stated standard uncertainties, and these are below 0.1 %."""
-    scale = from_json(healthy[0].package.text(ARTIFACT)).axes[axis].scale.figure(temperature)
+    scale = from_json(healthy.package.text(ARTIFACT)).axes[axis].scale.figure(temperature)
     true = 1 / (1 + polynomial(truth, f"scale_{axis}", temperature))
     assert abs(scale.value - true) < 3 * scale.uncertainty
     assert scale.uncertainty < 0.001
@@ -129,7 +129,7 @@ def test_the_exported_scale_is_true(healthy, truth, axis, temperature):
 
 def test_the_exported_alignment_is_true(healthy, truth):
     """It undoes the article's misalignment, within the stated uncertainty and the tilt of the table's axis."""
-    calibration = from_json(healthy[0].package.text(ARTIFACT))
+    calibration = from_json(healthy.package.text(ARTIFACT))
     article = np.eye(3)
     article[[0, 0, 1, 1, 2, 2], [1, 2, 0, 2, 0, 1]] = [float(each) for each in truth["misalignment"]]
     difference = np.abs(np.asarray(calibration.alignment) - np.linalg.inv(article))

@@ -21,7 +21,7 @@ from hil.evidence.package.verification import verify
 
 pytestmark = pytest.mark.system
 
-PARTS = sweeps.chosen(40, 80)
+PARTS = sweeps.chosen(30, 80)
 CASES = f"""
 @pytest.mark.requirement("T-030")
 @pytest.mark.max_duration(1e9)
@@ -171,7 +171,7 @@ def test_there_must_be_something_to_go_on_with(workspace, what):
     assert (ended.code, what in ended.err) == (4, True)
 
 
-COUNT = sweeps.chosen(200, 400)
+COUNT = sweeps.chosen(120, 400)
 TURNS = f"""
 @pytest.mark.requirement("T-050")
 @pytest.mark.max_duration(1e9)
@@ -238,7 +238,7 @@ def test_a_run_that_was_stopped_for_good_is_not_resumed(workspace):
     assert "is sealed" in workspace.hil("resume", "latest").err
 
 
-RESTED_S = sweeps.chosen(600, 1500)
+RESTED_S = sweeps.chosen(300, 1500)
 RESTING = f"""
 @pytest.mark.requirement("T-030")
 @pytest.mark.max_duration(1e9)
