@@ -5,8 +5,11 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.set-up
 # The tests of a file start on one core, because they share fixtures; an idle core takes over tests of another.
 SHARED := --numprocesses auto --dist worksteal
+# Whole runs wait as well, for disks and for each other's processes: half a worker more for each core.
+CORES := $(shell getconf _NPROCESSORS_ONLN)
+RUNS := --numprocesses $(shell expr $(CORES) + $(CORES) / 2) --dist worksteal
 # Tests of live timing mostly wait: each takes an eighth of a core.
-WAITING := --numprocesses 3 --dist worksteal
+WAITING := --numprocesses 6 --dist worksteal
 
 # Keep byte code even if the environment says otherwise: without it a third of `make test` is compiling.
 export PYTHONDONTWRITEBYTECODE :=
@@ -34,7 +37,7 @@ test: setup
 
 # A sample of whole campaigns and runs, and statistics of many trials. Tests of live timing run last.
 system: setup
-	$(BIN)/python -m pytest -m "system and not alone" $(SHARED)
+	$(BIN)/python -m pytest -m "system and not alone" $(RUNS)
 	$(BIN)/python -m pytest -m "system and alone" $(WAITING)
 
 # Everything, every sweep in full: takes hours, most of them for the table of endings. Run it before a release.

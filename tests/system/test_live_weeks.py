@@ -118,7 +118,7 @@ def judge(package, kept, unasked, turns):
     assert replay(package).differences == ()
 
 
-@pytest.mark.timeout(180)
+@pytest.mark.timeout(300)
 def test_minutes_with_every_ending(tmp_path_factory):
     """The four endings, each once, in some hours of bench time."""
     root = tmp_path_factory.mktemp("w")
