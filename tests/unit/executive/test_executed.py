@@ -53,10 +53,16 @@ class Inputs:
 
 
 @pytest.fixture
-def package(tmp_path, monkeypatch):
-    """Install a package that nobody needs, and return the module that it would import late."""
+def nothing_yet(monkeypatch):
+    """Forget what other tests executed in this process, or in those of wrapped drivers: to compare it takes seconds."""
     auditing.begin()
     monkeypatch.setattr(auditing, "_executed", [])
+    monkeypatch.setattr(executed, "files_executed", tuple)
+
+
+@pytest.fixture
+def package(tmp_path, monkeypatch, nothing_yet):
+    """Install a package that nobody needs, and return the module that it would import late."""
     folder = tmp_path / "site-packages"
     late = folder / "late_dmm/late.py"
     late.parent.mkdir(parents=True)
@@ -71,7 +77,6 @@ def package(tmp_path, monkeypatch):
     monkeypatch.setattr(other_code.metadata, "distributions", lambda: only)
     monkeypatch.setattr(executed, "of_no_package", lambda *_: [])
     monkeypatch.setattr(executed, "other_packages", tuple)
-    monkeypatch.setattr(executed, "files_executed", tuple)  # by wrapped drivers, which other tests may have started
     other_code._owners.cache_clear()
     yield late
     for name in [name for name in sys.modules if name.startswith("late_dmm")]:
@@ -227,6 +232,7 @@ class Terminals:
 """
 
 
+@pytest.mark.usefixtures("nothing_yet")
 @pytest.mark.parametrize("name", ["number", "double", "Terminals.number", "Terminals.double"])
 def test_a_part_of_hil_that_others_replaced_before_is_told(tmp_path, monkeypatch, name):
     """By a driver when it was imported, or a line of a `.pth` file: before the case's own code is looked at."""
@@ -246,6 +252,7 @@ def test_a_part_of_hil_that_others_replaced_before_is_told(tmp_path, monkeypatch
     assert told == f"lying_psu/driver.py replaced hil.terminals.{name}, which is a part of hil"
 
 
+@pytest.mark.usefixtures("nothing_yet")
 @pytest.mark.parametrize(
     ("module", "owner", "name", "told"),
     [
@@ -269,6 +276,7 @@ def test_a_function_of_a_library_that_others_replaced_is_told(tmp_path, monkeypa
     assert found == ([f"quiet/lies.py replaced {told}, which hil is built on"] if told else [])
 
 
+@pytest.mark.usefixtures("nothing_yet")
 def test_a_library_of_machine_code_of_nobody_is_told(tmp_path, monkeypatch):
     """Whoever loaded it, and also when its file is gone; what is of the system, of Python or of a package is not."""
     maps, start = tmp_path / "maps", "7f00-7f10 r-xp 0000 08:01 1 "

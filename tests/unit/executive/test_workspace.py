@@ -107,7 +107,7 @@ def test_plans_and_fixtures_lie_in_the_workspace(tmp_path):
     text = str(caught.value)
     assert f"'testplans' is {tmp_path / 'plans'}, and must lie in the workspace, {root}" in text
     assert "hil.toml:2:1: 'fixtures' is /elsewhere" in text
-    assert "out" not in text
+    assert "'reports'" not in text
 
 
 def test_a_plan_is_found_by_path_and_by_name(tmp_path):
