@@ -24,6 +24,10 @@ COUNTS, WARMTH = "obc.photodiode", "thermometer.temperature"
 LOADS = ("board", "middle", "low")
 TEMPERATURES = (15.0, 25.0, 35.0)
 DARK = 0.01
+NOISE = 1.0
+"""In LSB: what a photodiode without light may read."""
+TOP = 0.9995
+"""Of the full scale: from there on a reading says nothing."""
 IN_CHART = 400
 """Points of a curve: more cannot be seen."""
 
@@ -71,8 +75,31 @@ class Electrical:
 
 def leaks(dark, lit):
     """Return what speaks against the box: light in the dark of more than a hundredth of the lamp's."""
-    share = dark.counts.mean() / lit.counts.mean() if lit.counts.mean() else 1.0
-    return [f"the dark reading is {share:.1%} of that under the lamp: look for light"] if share > DARK else []
+    if dark.counts.mean() <= max(NOISE, DARK * lit.counts.mean()):
+        return []
+    told = f"the dark reading is {dark.counts.mean():.3g} LSB, and {lit.counts.mean():.3g} LSB under the lamp"
+    return [f"{told}: look for light"]
+
+
+def blind(seen, highest):
+    """Return what speaks against the monitor: one at full scale sees no change of the lamp."""
+    most = max(each.monitor.max() for each in seen)
+    return [f"the monitor reads {most:.0f} LSB: give it less light"] if most > highest else []
+
+
+def check_light(dark, lit, monitor, check):
+    """Hold the readings in the dark and under the lamp, and those of the lamp's monitor, against their limits."""
+    check("SUN-PHD-014", "dark", Figure(value=dark.counts.mean(), unit="LSB"))
+    for load, each in lit.items():
+        check("SUN-PHD-014", "lit", Figure(value=each.counts.mean(), unit="LSB"), of=load, at=f"load: {load}")
+    check("SUN-PHD-014", "lit", Figure(value=monitor, unit="LSB"), of="monitor", at="monitor of the lamp")
+
+
+def check_warmth(requirement, leg, ends, check):
+    """Hold the lowest and the highest temperature of a leg against their limits; `ends` are their names."""
+    for name, value in zip(ends, (leg.temperature.min(), leg.temperature.max()), strict=True):
+        apart = leg.recording.uncertainty(WARMTH)
+        check(requirement, name, Figure(value=value, unit="degC", uncertainty=apart))
 
 
 def calibrated(seen, electrical):
@@ -163,14 +190,11 @@ def test_photodiode(black_box, multimeter, obc, thermometer, operator, check, ch
         electrical = Electrical(before, after, full_scale, own, parameters)
         report, readings, monitor = calibrated(black_box.seen, electrical)
         doubts = [*electrical.doubts, *report.doubts, *leaks(dark, lit["board"])]
-        apart = heating.recording.uncertainty(WARMTH)
-        for name, value in (("coldest", heating.temperature.min()), ("hottest", heating.temperature.max())):
-            check("SUN-PHD-012", name, Figure(value=value, unit="degC", uncertainty=apart))
+        doubts += blind(black_box.seen, TOP * full_scale.value)
+        check_warmth("SUN-PHD-012", heating, ("coldest", "hottest"), check)
         check("SUN-PHD-013", "reference", electrical.reference, doubts=electrical.doubts)
         check("SUN-PHD-013", "reference_change", electrical.change)
-        check("SUN-PHD-014", "dark", Figure(value=dark.counts.mean(), unit="LSB"))
-        for load, each in lit.items():
-            check("SUN-PHD-014", "lit", Figure(value=each.counts.mean(), unit="LSB"), of=load, at=f"load: {load}")
+        check_light(dark, lit, monitor, check)
     with step("State its parameters"):
         at = f"{NOMINAL:g} degC"
         for number, name, headline in (
@@ -199,6 +223,7 @@ def test_photodiode(black_box, multimeter, obc, thermometer, operator, check, ch
         check("SUN-PHD-030", "raw_slope", raw.slope / scale if scale.value else raw.slope, doubts=why)
         why = [*doubts, *left.why("slope")]
         check("SUN-PHD-040", "remaining_slope", left.slope, doubts=why, headline="Slope that the calibration leaves")
+        check_warmth("SUN-PHD-040", cooling, ("verified_to", "verified_from"), check)
     with step("Export the calibration, and recompute the export"):
         export(report, readings, doubts, check, artifact)
         draw(black_box.seen, report, electrical, relative, chart)

@@ -12,26 +12,28 @@ __all__ = ["ON_BENCH", "photodiode_workspace"]
 
 PLAN = "photodiode"
 ON_BENCH = {"bench": PLAN, "dut": "SIM-OUT-1"}
-_SHORT = {
-    f"testplans/{PLAN}/parameters.yaml": {
-        '{name: leg, value: "4250"': '{name: leg, value: "500"',
-        '{name: held, value: "60"': '{name: held, value: "20"',
-        '{name: settling, value: "10"': '{name: settling, value: "4"',
-    },
-    f"fixtures/benches/{PLAN}/bench.yaml": {
-        '        reference: "3.2968"\n': '        reference: "3.2968"\n'
-        + "".join(
-            f"        {line}\n"
-            for line in ('ambient: "11"', 'capacity: "220"', 'junction_lag: "1"', 'sensor_lag: "1.5"')
-        ),
-    },
-}
+_TRUE = '        lamp_heat: "3"\n'
+
+
+def _shortened(leg: int) -> dict[str, dict[str, str]]:
+    """Return what makes the plan short: times, and a box as much lighter, whose thermometer is as much quicker."""
+    truth = {"ambient": "12", "capacity": f"{0.44 * leg:.0f}", "junction_lag": "1", "sensor_lag": "1.5"}
+    return {
+        f"testplans/{PLAN}/parameters.yaml": {
+            '{name: leg, value: "4250"': f'{{name: leg, value: "{leg}"',
+            '{name: held, value: "60"': f'{{name: held, value: "{leg / 50:g}"',
+            '{name: settling, value: "10"': f'{{name: settling, value: "{max(1.0, leg / 250):g}"',
+        },
+        f"fixtures/benches/{PLAN}/bench.yaml": {
+            _TRUE: _TRUE + "".join(f'        {name}: "{value}"\n' for name, value in truth.items()),
+        },
+    }
 
 
 def photodiode_workspace(
     root: Path,
     *,
-    whole: bool = False,
+    leg: int | None = 500,
     bench: Mapping[str, str] | None = None,
     parameters: Mapping[str, str] | None = None,
 ) -> Workspace:
@@ -39,7 +41,7 @@ def photodiode_workspace(
 
     Args:
         root: the workspace's folder, which must not exist yet.
-        whole: with the box and the times that are committed; else with a light box that warms in 500 s.
+        leg: seconds in which a light box warms, and cools; None for the box and the times that are committed.
         bench: texts of the bench file to replace, each of which is there once.
         parameters: the same of the parameters.
     """
@@ -49,12 +51,12 @@ def photodiode_workspace(
     shutil.copy(ROOT / "testplans/requirements.yaml", root / "testplans/requirements.yaml")
     (root / "hil.toml").touch()
     workspace = Workspace(root, root / "testplans" / PLAN)
-    if not whole:
-        for file, changes in _SHORT.items():
+    if leg is not None:
+        for file, changes in _shortened(leg).items():
             workspace.change(file, changes)
         catalogue = workspace.plan / "requirements.yaml"
         text = catalogue.read_text(encoding="utf-8")
-        catalogue.write_text(text.replace("duration: 4240 s", "duration: 490 s"), encoding="utf-8")
+        catalogue.write_text(text.replace("duration: 4240 s", f"duration: {leg - 10} s"), encoding="utf-8")
         workspace.lock()
     workspace.change(f"fixtures/benches/{PLAN}/bench.yaml", bench or {})
     workspace.change(f"testplans/{PLAN}/parameters.yaml", parameters or {})
