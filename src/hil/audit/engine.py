@@ -21,7 +21,7 @@ from hil.audit.document import (
     summary_of,
 )
 from hil.audit.elsewhere import by_children, on_hardware
-from hil.audit.gaps import BY_CASES, exceptions_of, gaps_of, problems_of
+from hil.audit.gaps import exceptions_of, gaps_of, problems_of
 from hil.audit.inputs import Approval, Asked, Package, World, catalogue_digest
 from hil.audit.ledgered import Ledgered, ledgered
 from hil.audit.reasons import Code, Reason
@@ -29,7 +29,7 @@ from hil.audit.remembered import removed_from
 from hil.model.identity import Purpose, Source
 from hil.model.verdict import Verdict
 from hil.registers.nonconformances import Waiver
-from hil.requirements.requirement import Kind
+from hil.requirements.requirement import Kind, Method
 
 __all__ = ["audit"]
 
@@ -343,7 +343,7 @@ def _fail(claim: Claim, *, later: bool, earlier: bool) -> Reason:
 
 
 def _no_evidence(asked: Asked) -> str:
-    if asked.method not in BY_CASES:
+    if asked.method != Method.TEST:
         return f"it is verified by {asked.method}, and neither a package nor a verification shows that"
     return "no package has evidence for it"
 
