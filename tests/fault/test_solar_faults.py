@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import shutil
 from dataclasses import dataclass
 
 import pytest
 import sweeps
-from workspaces import ROOT, Workspace
+from solar_plans import ON_BENCH, solar_workspace
 
 pytestmark = [pytest.mark.system, pytest.mark.timeout(120)]
 
@@ -58,14 +57,9 @@ FAULTS = {
 @pytest.mark.parametrize("name", sweeps.sample(FAULTS, 3))
 def test_each_fault_shows(tmp_path, name):
     """With the verdict that it deserves, and a reason that leads to it; the bench is left safe."""
-    root = tmp_path / "workspace"
-    for each in ("fixtures", "testplans/solar_cells"):
-        shutil.copytree(ROOT / each, root / each, ignore=shutil.ignore_patterns("__pycache__"))
-    shutil.copy(ROOT / "testplans/requirements.yaml", root / "testplans")
-    (root / "hil.toml").touch()
-    made, fault = Workspace(root, root / "testplans/solar_cells"), FAULTS[name]
+    made, fault = solar_workspace(tmp_path / "workspace"), FAULTS[name]
     made.change(BENCH, fault.changes)
-    ran = made.run(bench="solar", dut="SIM-SOL-1")
+    ran = made.run(**ON_BENCH)
     assert ran.verdicts() == {"test_curve": fault.verdict}, ran.out
     assert fault.said in ran.reasons("test_curve"), ran.reasons("test_curve")
     assert "bench safe" in ran.out
