@@ -9,7 +9,7 @@ from case_parts import Case
 from hil.executive.cases.facade import Facade
 from hil.instruments.sampled import Channel, StreamReport
 from hil.model.bench import InstrumentSpec, Wire
-from hil.model.errors import Misused, NoReply
+from hil.model.errors import Misused, NoReply, Refused
 
 PERIOD = 0.01 * (1 + 1e-4)
 """Of the device: its quartz is slow."""
@@ -115,3 +115,24 @@ def test_a_streamed_role_is_recorded_alone(tmp_path):
     case, _, facade = case_with(tmp_path)
     with pytest.raises(Misused, match="alone"):
         case.run.record("rest", facade, case.field, duration=1.0, rate=10.0)
+
+
+def test_a_stream_that_is_refused_says_why(tmp_path):
+    """There is nothing to end then, and what is said of that is not what the case hears."""
+    case, role, facade = case_with(tmp_path)
+
+    def refuses(*_):
+        raise Refused("gyro1 runs at 14.9 Hz, not at 10 Hz", "record at that rate")
+
+    def nothing_to_end():
+        raise Refused("gyro1 does not stream", "call begin() first")
+
+    role.begin, role.end = refuses, nothing_to_end
+    with pytest.raises(Refused, match=r"runs at 14.9 Hz, not at 10 Hz"):
+        case.run.record("rest", facade, duration=1.0, rate=10.0)
+    with (
+        pytest.raises(Refused, match=r"runs at 14.9 Hz, not at 10 Hz"),
+        case.run.record.during("beside", facade, rate=10.0),
+    ):
+        pass
+    assert [end["complete"] for end in case.written.of("recording-end")] == [False, False]

@@ -16,7 +16,7 @@ from hil.executive.watching.ports import Beside
 from hil.executive.watching.scheduler import Scheduler
 from hil.executive.watching.sharing import Course, Share
 from hil.instruments.sampled import Ending, Patient, Streamed, StreamReport
-from hil.model.errors import DeviceFault
+from hil.model.errors import DeviceFault, Refused
 
 if TYPE_CHECKING:
     import numpy as np
@@ -282,8 +282,8 @@ class StreamTurns:
         return self._source.guarded(self._role.end)
 
     def give_up(self) -> None:
-        """Let the device stop, if it listens."""
-        with suppress(DeviceFault):
+        """Let the device stop, if it listens, and if it began: one that refused to has nothing to end."""
+        with suppress(DeviceFault, Refused):
             self._role.end()
 
     @property
