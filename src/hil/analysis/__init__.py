@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from hil.analysis.battery.steps import StepKind
     from hil.analysis.battery.summary import incremental_capacities, summarise
     from hil.analysis.coil import expected_field, field_ratio, line_residuals, linearity, resistance
-    from hil.analysis.comparison import rank, relative_deviation
+    from hil.analysis.comparison import normalised_error, rank, relative_deviation
     from hil.analysis.drift import drift_of, fragments
     from hil.analysis.flight import flight_phases
     from hil.analysis.gates import Facts
@@ -59,6 +59,7 @@ if TYPE_CHECKING:
     )
     from hil.analysis.photodiode.readings import Known, volts
     from hil.analysis.quality import tripped
+    from hil.analysis.repeated import drift_change
     from hil.analysis.sampling import assess
     from hil.analysis.solar.correction import IvConditions, reference_irradiance
     from hil.analysis.solar.curve import IvSweep, curve_difference, iv_curve
@@ -112,6 +113,7 @@ __all__ = [
     "cycles",
     "deviation",
     "direction",
+    "drift_change",
     "drift_of",
     "end_uncertainty",
     "expected_field",
@@ -133,6 +135,7 @@ __all__ = [
     "magnetometer_reproduction",
     "magnitude",
     "mean",
+    "normalised_error",
     "not_observable",
     "observed",
     "odd_response",
@@ -183,7 +186,7 @@ _MODULES = {
     "battery.steps": ("StepKind",),
     "battery.summary": ("incremental_capacities", "summarise"),
     "coil": ("expected_field", "field_ratio", "line_residuals", "linearity", "resistance"),
-    "comparison": ("rank", "relative_deviation"),
+    "comparison": ("normalised_error", "rank", "relative_deviation"),
     "drift": ("drift_of", "fragments"),
     "flight": ("flight_phases",),
     "gates": ("Facts",),
@@ -220,6 +223,7 @@ _MODULES = {
     ),
     "photodiode.readings": ("Known", "volts"),
     "quality": ("tripped",),
+    "repeated": ("drift_change",),
     "sampling": ("assess",),
     "solar.correction": ("IvConditions", "reference_irradiance"),
     "solar.curve": ("IvSweep", "curve_difference", "iv_curve"),

@@ -15,7 +15,7 @@ from hil.analysis.tracing import traced
 from hil.model.errors import Refused
 from hil.model.figure import Figure, FigureStatus, effective_dof
 
-__all__ = ["Deviation", "Place", "Ranking", "rank", "relative_deviation"]
+__all__ = ["Deviation", "Place", "Ranking", "normalised_error", "rank", "relative_deviation"]
 
 _CONFIDENCE = 0.95
 _DECIMALS = 10  # of a deviation: what follows is rounding of the two figures, which cancels differently every time
@@ -28,12 +28,15 @@ class Deviation:
     Attributes:
         relative: (second - first) / |first|, in unit 1; NOT_OBSERVABLE where one of the two is not measured, or where
             the first cannot be told from zero.
+        difference: second - first, in the unit of the figures, whether or not the first can be told from zero;
+            NOT_OBSERVABLE where one of the two is not measured.
         probability: that figures which are the same differ as much by chance; NaN where nobody can say.
         significant: whether the difference is beyond what the uncertainties explain.
         remark: what can be said of the difference, as a sentence without its full stop.
     """
 
     relative: Figure
+    difference: Figure
     probability: float
     significant: bool
     remark: str
@@ -57,31 +60,76 @@ def relative_deviation(first: Figure, second: Figure, *, confidence: float = _CO
         Refused: the figures are in different units, or the confidence is not between 0 and 1.
     """
     _require_comparable({"first": first, "second": second}, confidence)
+    difference = _difference(first, second)
     poor = _unmeasured(first) or _unmeasured(second)
     if poor:
         whose = "first" if _unmeasured(first) else "second"
         return Deviation(
-            relative=_nowhere(), probability=math.nan, significant=False, remark=f"the {whose} figure is {poor}"
+            relative=_nowhere(),
+            difference=difference,
+            probability=math.nan,
+            significant=False,
+            remark=f"the {whose} figure is {poor}",
         )
     relative = round((second.value - first.value) / abs(first.value), _DECIMALS) if first.value else math.nan
     if first.uncertainty is None or second.uncertainty is None:
         found = Figure(value=relative, unit="1") if first.value else _nowhere()
         remark = "whether the figures differ cannot be said: an uncertainty is not known"
-        return Deviation(relative=found, probability=math.nan, significant=False, remark=remark)
+        return Deviation(relative=found, difference=difference, probability=math.nan, significant=False, remark=remark)
     probability = _probability(first, second)
     significant = bool(probability < 1.0 - confidence)
     explained = "is beyond what the uncertainties explain" if significant else "is within the uncertainties"
     remark = f"the difference {explained} (p = {probability:.2g})"
     if _probability(first, Figure(value=0.0, unit=first.unit, uncertainty=0.0)) >= 1.0 - confidence:
         remark += ", and the first figure cannot be told from zero"
-        return Deviation(relative=_nowhere(), probability=probability, significant=significant, remark=remark)
+        return Deviation(
+            relative=_nowhere(),
+            difference=difference,
+            probability=probability,
+            significant=significant,
+            remark=remark,
+        )
     parts = [
         ((second.uncertainty / first.value) ** 2, second.dof),
         ((second.value * first.uncertainty / first.value**2) ** 2, first.dof),
     ]
     uncertainty = math.sqrt(sum(variance for variance, _ in parts))
     found = Figure(value=relative, unit="1", uncertainty=uncertainty, dof=effective_dof(parts))
-    return Deviation(relative=found, probability=probability, significant=significant, remark=remark)
+    return Deviation(
+        relative=found, difference=difference, probability=probability, significant=significant, remark=remark
+    )
+
+
+@traced
+def normalised_error(figure: Figure, expected: Figure | None = None, *, confidence: float = _CONFIDENCE) -> Figure:
+    """Return |figure - expected| / U, where U is the expanded uncertainty of the difference: at most 1 if they agree.
+
+    Unlike a relative deviation it has a meaning where the figures cannot be told from zero. The coverage factor is that
+    of Student's distribution with the effective degrees of freedom. Of n pairs of equal figures n (1 - confidence) are
+    above 1 by chance: ask for more than 95 % where many are compared. It is NOT_OBSERVABLE where a figure is not
+    measured or its uncertainty is not known, and infinite where figures without uncertainty differ.
+
+    Source: ISO/IEC 17043:2010, B.3.1.3 (E_n), with GUM G.4 for the coverage factor.
+
+    Args:
+        figure: what was found.
+        expected: what it should be, in the same unit; without it, zero.
+        confidence: of the expanded uncertainty.
+
+    Raises:
+        Refused: the figures are in different units, or the confidence is not between 0 and 1.
+    """
+    from scipy.special import stdtrit  # noqa: PLC0415 - scipy is slow to import
+
+    other = Figure(value=0.0, unit=figure.unit, uncertainty=0.0) if expected is None else expected
+    _require_comparable({"figure": figure, "expected": other}, confidence)
+    difference = _difference(other, figure)
+    if difference.status is not FigureStatus.MEASURED or difference.uncertainty is None:
+        return _nowhere()
+    if not difference.value:
+        return Figure(value=0.0, unit="1")
+    expanded = float(stdtrit(difference.dof, 0.5 + confidence / 2.0)) * difference.uncertainty
+    return Figure(value=round(abs(difference.value) / expanded, _DECIMALS) if expanded else math.inf, unit="1")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -198,17 +246,33 @@ def _unrankable(figure: Figure) -> str:
     return _unmeasured(figure) or ("of unknown uncertainty" if figure.uncertainty is None else "")
 
 
-def _nowhere() -> Figure:
-    return Figure(value=math.nan, unit="1", status=FigureStatus.NOT_OBSERVABLE)
+def _nowhere(unit: str = "1") -> Figure:
+    return Figure(value=math.nan, unit=unit, status=FigureStatus.NOT_OBSERVABLE)
+
+
+def _difference(first: Figure, second: Figure) -> Figure:
+    """Return second - first, whose errors are independent."""
+    if _unmeasured(first) or _unmeasured(second):
+        return _nowhere(first.unit)
+    value = second.value - first.value
+    if first.uncertainty is None or second.uncertainty is None:
+        return Figure(value=value, unit=first.unit)
+    spread, dof = _spread(first, second)
+    return Figure(value=value, unit=first.unit, uncertainty=spread, dof=dof)
+
+
+def _spread(first: Figure, second: Figure) -> tuple[float, float]:
+    """Return the standard uncertainty of the difference of two figures, and its effective degrees of freedom."""
+    parts = [((each.uncertainty or 0.0) ** 2, each.dof) for each in (first, second)]
+    return math.sqrt(sum(variance for variance, _ in parts)), effective_dof(parts)
 
 
 def _probability(one: Figure, other: Figure) -> float:
     """Return the probability that two figures of known uncertainty, which are the same, differ as much by chance."""
     from scipy.special import stdtr  # noqa: PLC0415 - scipy is slow to import
 
-    parts = [((each.uncertainty or 0.0) ** 2, each.dof) for each in (one, other)]
-    spread = math.sqrt(sum(variance for variance, _ in parts))
+    spread, dof = _spread(one, other)
     difference = abs(one.value - other.value)
     if not spread:
         return 0.0 if difference else 1.0
-    return 2.0 * float(stdtr(effective_dof(parts), -difference / spread))
+    return 2.0 * float(stdtr(dof, -difference / spread))

@@ -13,6 +13,7 @@ from hil.simulation.truth import Path, TruthError, declared, suggestion
 __all__ = [
     "Chatty",
     "Dead",
+    "Drifting",
     "Fault",
     "Faults",
     "Garbled",
@@ -177,6 +178,15 @@ class Saturated(Fault):
     name = "saturated"
 
     added: Number = field(default=5000.0, metadata={"alias": "field"})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drifting(Fault):
+    """Every axis of a sensor drifts by that much more per kelvin from 25 degC, in the sensor's unit."""
+
+    name = "drifting"
+
+    added: Number = field(default=0.05, metadata={"alias": "drift"})
 
 
 @dataclass(frozen=True, slots=True)

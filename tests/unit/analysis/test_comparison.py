@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from hil.analysis import rank, relative_deviation
+from hil.analysis import normalised_error, rank, relative_deviation
 from hil.model.errors import Refused
 from hil.model.figure import Figure, FigureStatus
 
@@ -27,6 +27,8 @@ def test_a_deviation_is_that_of_the_second_from_the_first():
     assert found.probability == pytest.approx(math.erfc(10.0 / math.sqrt(2.0)))
     assert found.significant
     assert found.remark == "the difference is beyond what the uncertainties explain (p = 1.5e-23)"
+    assert (found.difference.value, found.difference.unit) == (0.5, "V")
+    assert found.difference.uncertainty == pytest.approx(0.05)
 
 
 def test_a_negative_first_figure_keeps_the_sense_of_the_difference():
@@ -56,9 +58,36 @@ def test_nothing_is_relative_to_what_may_be_zero():
     found = relative_deviation(volts(0.1, 0.1), volts(2.0, 0.1))
     assert found.relative.status is FigureStatus.NOT_OBSERVABLE
     assert (found.significant, math.isnan(found.relative.value)) == (True, True)
+    assert (found.difference.value, found.difference.status) == (pytest.approx(1.9), FigureStatus.MEASURED)
+    assert found.difference.uncertainty == pytest.approx(math.hypot(0.1, 0.1))
     assert found.remark.endswith("and the first figure cannot be told from zero")
     nothing = relative_deviation(volts(0.0, 0.0), volts(0.0, 0.0))
     assert (nothing.relative.status, nothing.significant) == (FigureStatus.NOT_OBSERVABLE, False)
+
+
+def test_a_normalised_error_is_the_difference_over_its_expanded_uncertainty():
+    """It is 1 where the difference is k times its uncertainty, whichever is first and whatever zero is."""
+    assert normalised_error(volts(-0.1), volts(0.1)).value == pytest.approx(0.2 / (1.959964 * 0.1 * math.sqrt(2.0)))
+    assert normalised_error(volts(2.0, 0.03), volts(1.5, 0.04), confidence=0.9999).value == pytest.approx(10 / 3.890592)
+    few = normalised_error(volts(1.0, dof=2.0), volts(1.35, dof=2.0))
+    assert few.value == pytest.approx(0.35 / (2.776445 * 0.1 * math.sqrt(2.0)))  # Student's t, four degrees of freedom
+    assert normalised_error(volts(-0.3)).value == normalised_error(volts(0.0, 0.0), volts(-0.3)).value
+    assert (few.unit, few.status, few.uncertainty) == ("1", FigureStatus.MEASURED, None)
+
+
+def test_a_normalised_error_says_what_the_probability_says():
+    """Above 1 at a confidence is what happens by chance less often than that."""
+    for second in (1.1, 1.25, 1.3, 1.4, 2.0):
+        pair = volts(1.0, dof=5.0), volts(second, 0.05, dof=3.0)
+        for confidence in (0.5, 0.95, 0.999):
+            apart = relative_deviation(*pair, confidence=confidence).significant
+            assert (normalised_error(*pair, confidence=confidence).value > 1.0) == apart
+
+
+def test_figures_without_uncertainty_agree_only_where_they_are_equal():
+    """Nothing explains a difference of exact figures."""
+    assert normalised_error(volts(1.0, 0.0), volts(1.0, 0.0)).value == 0.0
+    assert normalised_error(volts(1.0, 0.0), volts(1.1, 0.0)).value == math.inf
 
 
 POOR = [
@@ -75,7 +104,9 @@ def test_what_is_not_measured_has_no_deviation_and_no_rank(poor, why):
     good = volts(2.0)
     for first, second, whose in ((poor, good, "first"), (good, poor, "second")):
         found = relative_deviation(first, second)
-        assert found.relative.status is FigureStatus.NOT_OBSERVABLE
+        assert found.relative.status is found.difference.status is FigureStatus.NOT_OBSERVABLE
+        assert found.difference.unit == "V"
+        assert normalised_error(first, second).status is FigureStatus.NOT_OBSERVABLE
         assert not found.significant
         assert found.remark == f"the {whose} figure is {why}"
     ranking = rank({"poor": poor, "good": good})
@@ -87,6 +118,8 @@ def test_without_uncertainty_nobody_can_say_whether_figures_differ():
     """The number is given, and a check under a guarded rule is INCONCLUSIVE."""
     found = relative_deviation(volts(1.0, None), volts(2.0))
     assert (found.relative.value, found.relative.uncertainty, found.significant) == (1.0, None, False)
+    assert (found.difference.value, found.difference.uncertainty) == (1.0, None)
+    assert normalised_error(volts(1.0, None), volts(2.0)).status is FigureStatus.NOT_OBSERVABLE
     assert math.isnan(found.probability)
     assert "an uncertainty is not known" in found.remark
     assert dict(rank({"a": volts(1.0, None)}).unranked) == {"a": "of unknown uncertainty"}
@@ -127,6 +160,8 @@ def test_what_cannot_be_compared_is_refused():
         rank({"a": volts(1.0), "b": Figure(value=1.0, unit="K", uncertainty=0.1)})
     with pytest.raises(Refused, match="a confidence of 95 is not between 0 and 1"):
         rank({}, confidence=95)
+    with pytest.raises(Refused, match="figures in V and K cannot be compared"):
+        normalised_error(volts(1.0), Figure(value=1.0, unit="K", uncertainty=0.1))
 
 
 def test_equal_figures_are_told_apart_as_often_as_stated():

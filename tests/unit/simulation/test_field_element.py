@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from hil.model.bench import InstrumentSpec
+from hil.simulation.faults import Drifting, read_faults
 from hil.simulation.peers.model import Connections, PeerSetup
 from hil.simulation.peers.sensors.elements import AxesElement, FieldElement
 from hil.simulation.plants.thermal_chamber import ChamberTruth, ThermalChamber
@@ -16,13 +17,14 @@ RATE = 80.0
 PERIOD_NS = 12_500_000
 
 
-def setup_of(truth, connects=None):
+def setup_of(truth, connects=None, faults=()):
     """Return what an element is made from, beside a chamber in which everything is at 22 degC."""
     chamber = ThermalChamber("chamber", 10**9, ChamberTruth())
     return PeerSetup(
         instrument=InstrumentSpec(name="mag", driver="any", address=0x1C),
         truth=Truth(truth, ("truth",)),
         connections=Connections(connects or {}, {"chamber": chamber}, set(), ("connects",)),
+        faults=read_faults(faults, (), (Drifting,)),
         seeds=Seeds(3),
     )
 
@@ -81,3 +83,20 @@ def test_axes_follow_the_temperature_of_the_element():
         made = AxesElement(setup)
         setup.finish()
         assert made.measured(1, ends, degrees)[0, 0] == pytest.approx(1 + 0.1 * (felt - 25))
+
+
+def test_a_drift_that_grows_counts_from_25_degrees():
+    """It adds to what the truth says, of rates and fields, while it holds."""
+    faults, second = [{"kind": "drifting", "drift": "0.2", "from": "1 s", "until": "2 s"}], 10**9
+    ends, degrees = np.array([0, second, 2 * second]), np.array([35.0, 35.0, 35.0])
+    truth = {"bias_x": ["1", "0.1", "0"], "white": ["0"] * 3, "flicker": ["0"] * 3, "random_walk": ["0"] * 3}
+    setup = setup_of(truth, faults=faults)
+    rates = AxesElement(setup)
+    setup.finish()
+    assert rates.measured(1, ends, degrees) == pytest.approx(np.array([[2, 4, 2], [0, 2, 0], [0, 2, 0]]))
+    for given, expected in (([], [-1.5, 0.0]), ([{"kind": "drifting", "drift": "0.2"}], [-2.1, -0.6])):
+        setup = setup_of({"drift": ["0.5", "0", "0"], "noise": ["0"] * 3}, {"element": "chamber.die"}, given)
+        field = FieldElement(setup, noise=(0.0, 0.0, 0.0))
+        setup.finish()
+        read = [field.measured(axis, 1, 0, start_ns=-PERIOD_NS, louder=1.0) for axis in (0, 1)]
+        assert read == pytest.approx(expected)

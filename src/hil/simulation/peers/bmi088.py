@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 
 from hil.clock.port import NANOSECONDS
 from hil.model.notation import number, vector
-from hil.simulation.faults import Saturated, Stuck
+from hil.simulation.faults import Drifting, Saturated, Stuck
 from hil.simulation.peers.model import PeerModel, PeerSetup
 from hil.simulation.peers.sensors.chip import (
     Asleep,
@@ -306,5 +306,7 @@ def build(setup: PeerSetup) -> Package:
     return Package(accelerometer, gyroscope)
 
 
-MODEL = PeerModel(link="bus", fault_kinds=(Asleep, OtherIdentity, Saturated, Stuck, TemperatureRaw), build=build)
+MODEL = PeerModel(
+    link="bus", fault_kinds=(Asleep, Drifting, OtherIdentity, Saturated, Stuck, TemperatureRaw), build=build
+)
 """The model for the driver `bmi088`."""

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from hil.analysis.noise.numbers import RandomStream
 from hil.clock.port import NANOSECONDS
 from hil.model.notation import vector
-from hil.simulation.faults import LinkFault, Saturated, Share, Stuck
+from hil.simulation.faults import Drifting, LinkFault, Saturated, Share, Stuck
 from hil.simulation.peers.model import PeerModel, PeerSetup
 from hil.simulation.peers.sensors.chip import (
     Asleep,
@@ -330,6 +330,8 @@ def build(setup: PeerSetup) -> Bno055:
 
 
 MODEL = PeerModel(
-    link="bus", fault_kinds=(Asleep, ClockStretch, OtherIdentity, Saturated, Stuck, TemperatureRaw), build=build
+    link="bus",
+    fault_kinds=(Asleep, ClockStretch, Drifting, OtherIdentity, Saturated, Stuck, TemperatureRaw),
+    build=build,
 )
 """The model for the driver `bno055`."""

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from hil.clock.port import NANOSECONDS
 from hil.model.notation import number, vector
-from hil.simulation.faults import Fault, Saturated, Stuck
+from hil.simulation.faults import Drifting, Fault, Saturated, Stuck
 from hil.simulation.peers.ak09916 import Ak09916
 from hil.simulation.peers.model import PeerModel, PeerSetup
 from hil.simulation.peers.sensors.chip import Asleep, Datasheet, Fitted, OtherIdentity, TemperatureRaw, number_at
@@ -374,6 +374,6 @@ def build(setup: PeerSetup) -> Icm20948:
 
 
 MODEL = PeerModel(
-    link="bus", fault_kinds=(Asleep, BypassOff, OtherIdentity, Saturated, Stuck, TemperatureRaw), build=build
+    link="bus", fault_kinds=(Asleep, BypassOff, Drifting, OtherIdentity, Saturated, Stuck, TemperatureRaw), build=build
 )
 """The model for the driver `icm20948`."""

@@ -37,7 +37,7 @@ from numpy.typing import NDArray
 
 from hil.clock.port import NANOSECONDS
 from hil.model.notation import number, vector
-from hil.simulation.faults import Saturated, Stuck
+from hil.simulation.faults import Drifting, Saturated, Stuck
 from hil.simulation.peers.iim42652_registers import (
     READ_ONLY,
     RESET,
@@ -311,5 +311,7 @@ def build(setup: PeerSetup) -> Iim42652:
     return Iim42652(fitted, element, die, acceleration=own.acceleration, odr_error=own.odr_error)
 
 
-MODEL = PeerModel(link="bus", fault_kinds=(Asleep, OtherIdentity, Saturated, Stuck, TemperatureRaw), build=build)
+MODEL = PeerModel(
+    link="bus", fault_kinds=(Asleep, Drifting, OtherIdentity, Saturated, Stuck, TemperatureRaw), build=build
+)
 """The model for the driver `iim42652`."""

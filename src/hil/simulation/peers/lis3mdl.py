@@ -15,7 +15,7 @@ from math import sqrt
 from typing import ClassVar, Self
 
 from hil.clock.port import NANOSECONDS
-from hil.simulation.faults import Saturated, Stuck
+from hil.simulation.faults import Drifting, Saturated, Stuck
 from hil.simulation.peers.model import PeerModel, PeerSetup
 from hil.simulation.peers.sensors.chip import (
     Asleep,
@@ -277,5 +277,7 @@ def build(setup: PeerSetup) -> Lis3mdl:
     return Lis3mdl(fitted, element, die)
 
 
-MODEL = PeerModel(link="bus", fault_kinds=(Asleep, OtherIdentity, Saturated, Stuck, TemperatureRaw), build=build)
+MODEL = PeerModel(
+    link="bus", fault_kinds=(Asleep, Drifting, OtherIdentity, Saturated, Stuck, TemperatureRaw), build=build
+)
 """The model for the driver `lis3mdl`."""

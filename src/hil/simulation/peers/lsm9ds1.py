@@ -37,7 +37,7 @@ from numpy.typing import NDArray
 
 from hil.clock.port import NANOSECONDS
 from hil.model.notation import number
-from hil.simulation.faults import Saturated, Stuck
+from hil.simulation.faults import Drifting, Saturated, Stuck
 from hil.simulation.peers.lis3mdl import Lis3mdl
 from hil.simulation.peers.model import PeerModel, PeerSetup
 from hil.simulation.peers.sensors.chip import (
@@ -258,5 +258,7 @@ def build(setup: PeerSetup) -> Package:
     return Package(inertial, Magnetometer(fitted, field_element, die))
 
 
-MODEL = PeerModel(link="bus", fault_kinds=(Asleep, OtherIdentity, Saturated, Stuck, TemperatureRaw), build=build)
+MODEL = PeerModel(
+    link="bus", fault_kinds=(Asleep, Drifting, OtherIdentity, Saturated, Stuck, TemperatureRaw), build=build
+)
 """The model for the driver `lsm9ds1`."""

@@ -13,7 +13,7 @@ from hil.analysis.noise.numbers import RandomStream
 from hil.analysis.noise.rate_noise import NoiseLevels, RateNoise
 from hil.clock.port import NANOSECONDS
 from hil.model.notation import Number, number, vector
-from hil.simulation.faults import Saturated
+from hil.simulation.faults import Drifting, Saturated
 from hil.simulation.peers.model import PeerSetup
 from hil.simulation.seeds import Seeds
 
@@ -233,6 +233,9 @@ class AxesElement:
         if self._scale.any:
             seen *= 1 + self._scale.at(warmer)
         seen += self._bias.at(warmer)
+        for drifting in self._faults.of(Drifting):
+            held = (ends_ns >= drifting.start_ns) & (ends_ns < drifting.end_ns)
+            seen[:, held] += drifting.added * warmer[held]
         return seen
 
 
@@ -298,8 +301,10 @@ class FieldElement:
         if self._levels is not None:
             noise += self._by_levels(self._levels, axis, number, (at_ns - start_ns) / number)
         offset = self._offset[axis]
-        if self._drift[axis] and self._point is not None:
-            offset += self._drift[axis] * (self._point.observe_at(at_ns) - _REFERENCE)
+        drifting = self._faults.now(Drifting, at_ns)
+        drift = self._drift[axis] + (drifting.added if drifting else 0.0)
+        if drift and self._point is not None:
+            offset += drift * (self._point.observe_at(at_ns) - _REFERENCE)
         return field * (1 + self._gain[axis]) + offset + noise
 
     def _by_levels(self, levels: tuple[NoiseLevels, ...], axis: int, number: int, period_ns: float) -> float:

@@ -1,0 +1,57 @@
+"""One sensor warmed and cooled twice in the same way: whether its drift over temperature is still the same.
+
+Two slopes, each with its own uncertainty, tell little of that: what a line does not follow, such as a loop of
+hysteresis, is doubt of both, though it is alike in both. In the difference of the runs, sample by sample, it cancels.
+"""
+
+from __future__ import annotations
+
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hil.analysis.drift import Drift, drift_of
+from hil.analysis.tracing import traced
+from hil.model.errors import Refused
+
+__all__ = ["drift_change"]
+
+_Run: TypeAlias = tuple[ArrayLike, ArrayLike, ArrayLike]
+_Arrays: TypeAlias = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
+
+
+@traced
+def drift_change(first: _Run, again: _Run, unit: str) -> Drift:
+    """Return by how much the drift of an axis changed from one run to a second one with the same course of temperature.
+
+    The slope is that of the second run less that of the first, from their difference at equal times since they began.
+    Each run is taken less the line of the first one before, so that a run that became a little warmer or colder changes
+    nothing. Slow noise of both runs is in the uncertainty; time beyond the shorter run is left out.
+
+    Args:
+        first: time [s], temperature [degC] and values in `unit`, of equal shapes (n,).
+        again: the same of the second run, shapes (m,).
+        unit: of the values.
+
+    Raises:
+        Refused: arrays of different shapes, or none at all.
+    """
+    runs = [_arrays(run) for run in (first, again)]
+    slope = drift_of(*runs[0], unit).slope.value
+    (time, degrees, left), (other, _, right) = (_less(run, slope) for run in runs)
+    both = time <= other[-1]
+    return drift_of(time[both], degrees[both], np.interp(time[both], other, right) - left[both], unit)
+
+
+def _arrays(run: _Run) -> _Arrays:
+    time, degrees, values = (np.asarray(each, dtype=np.float64) for each in run)
+    if not time.shape == degrees.shape == values.shape or time.ndim != 1 or not time.size:
+        raise Refused("time, temperature and values have different shapes", "give one of each per sample")
+    return time, degrees, values
+
+
+def _less(run: _Arrays, slope: float) -> _Arrays:
+    """Return a run's time since its beginning, its temperature, and its values less a line over temperature."""
+    time, degrees, values = run
+    return time - time[0], degrees, values - slope * (degrees - degrees[0])
