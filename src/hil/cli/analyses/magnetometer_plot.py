@@ -52,9 +52,9 @@ def _drawn(report: MagnetometerReport, field: NDArray[np.float64]) -> Figure:
             below.plot(turn[which], height[which], mark, color=colour, markersize=4, label=label)
     above.set_xlabel("reading")
     above.set_ylabel(f"residual [{report.calibration.unit}]")
-    below.set(xlim=(-180.0, 180.0), ylim=(-1.0, 1.0), ylabel="z of the direction")
+    below.set(xlim=(-185.0, 185.0), xticks=range(-180, 181, 60), ylim=(-1.05, 1.05), ylabel="z of the direction")
     below.set_xlabel("direction about z [deg]")
     for axes in (above, below):
         axes.grid(visible=True, color="#dddddd", linewidth=0.5)
-    above.legend()
+    above.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False, borderaxespad=0.0)
     return figure
