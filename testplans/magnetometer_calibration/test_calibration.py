@@ -35,6 +35,7 @@ DISTORTIONS = ("bias_1", "bias_2", "bias_3", "bias_4", "matrix_1", "matrix_2", "
 """The sets of Table 3.3, each with the first matrix of Table 3.4; and those of Table 3.4, each with the second bias."""
 
 ARTICLES = ("none", *(f"{model}_{each}" for model in ("magcal", "twostep") for each in DISTORTIONS))
+METHODS = {"MAG-CAL-050": "ellipsoid", "MAG-CAL-051": "TWOSTEP"}
 ELEMENTS = ("xx", "yy", "zz", "xy", "xz", "yz")
 DRAWN = 400
 """Points of a chart: all of some thousands would hide each other."""
@@ -152,7 +153,7 @@ def fitted(turning, true, readings, **how):
 
 
 def draw(report, readings, turning, true, chart):
-    """Draw where on the sphere the readings are, and what is left of the magnitude's error before and after."""
+    """Draw where on the sphere the readings are, and the error of the magnitude before and, below, after."""
     field_of = report.calibration.correct(turning)
     some = slice(None, None, max(1, len(turning) // DRAWN))
     across = field_of / np.linalg.norm(field_of, axis=1)[:, np.newaxis]
@@ -166,10 +167,14 @@ def draw(report, readings, turning, true, chart):
     number = np.arange(1.0, len(turning) + 1.0)[some]
     chart(
         "Error of the magnitude",
-        Curve(name="as read", x=number, y=(np.linalg.norm(turning, axis=1) - known)[some]),
-        Curve(name="calibrated", x=number, y=(np.linalg.norm(field_of, axis=1) - known)[some]),
+        Curve(
+            name="as read",
+            x=number,
+            y=(np.linalg.norm(turning, axis=1) - known)[some],
+            residual=(np.linalg.norm(field_of, axis=1) - known)[some],
+        ),
         x=("reading", "1"),
-        y=("error of the magnitude", "uT"),
+        y=("error as read", "uT"),
     )
 
 
@@ -293,8 +298,10 @@ def judge(requirement, distortion, report, doubts, truth, check, parameters):
     found = (not_observable("1"),) * 2
     if report is not None:
         found = set_apart(report.calibration, factor, bias, relative=parameters.relative_uncertainty)
+    method = METHODS[requirement]
     for parameter, figure in zip(("bias_error", "factor_error"), found, strict=True):
-        check(requirement, parameter, figure, doubts=doubts, at=distortion, headline=f"{parameter} of {distortion}")
+        headline = f"Error of the {parameter.removesuffix('_error')}, {method}"
+        check(requirement, parameter, figure, doubts=doubts, at=distortion, headline=headline)
 
 
 @pytest.mark.requirement("MAG-CAL-050")

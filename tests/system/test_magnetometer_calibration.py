@@ -25,7 +25,9 @@ QUICK = {
 }
 """Three fields in place of five: enough of a sphere, and about half of the time."""
 
+MOUNTED = "    board-on-table: cage.mounting\n"
 TABLE, MAG1, CAGE = "      truth: {serial: SN1263", '      truth: {noise: ["0.05"', "        ambient: "
+DRIFT, GAIN = '["0.00002", "-0.00001", "0.00003"]', 'gain: ["0.0008", "-0.0005", "0.0006"]'
 MATRIX = '        soft: ["1.06", "0.03", "-0.02", "0.03", "0.93", "0.04", "-0.02", "0.04", "1.02"]'
 
 
@@ -44,9 +46,12 @@ def workspace(root, bench=None, parameters=None):
     return made
 
 
-def ran(made, *cases):
-    """Run some cases, all where none is named."""
+def ran(made, *cases, answers=""):
+    """Run some cases, all where none is named, with answers from a file where there are some."""
+    if answers:
+        (made.root / "answers.yaml").write_text(f"schema: hil/answers/1\nby: Ada\nanswers: {answers}\n")
     named = ("run", PLAN, "--bench", "field", "--dut", "SIM-MAG-1", "--source", "simulated")
+    named += ("--answers", "answers.yaml") if answers else ()
     ended = made.hil(*named, *(word for each in cases for word in ("--only", each)))
     assert made.folders(), ended.out + ended.err
     return ended, Package(made.folders()[-1])
@@ -98,6 +103,7 @@ def test_the_calibration_passes_is_exported_and_repeats(healthy):
     page = package.text("data/report/report.html")
     assert "Directions of the calibrated readings" in page
     assert "Error of the magnitude" in page
+    assert "Error of the factor, TWOSTEP" in page
 
 
 @pytest.mark.parametrize(
@@ -118,12 +124,16 @@ def test_the_calibration_passes_is_exported_and_repeats(healthy):
             ({MAG1: "      faults: [{kind: stuck, from: 40 s}]\n" + MAG1}, {}, "INCONCLUSIVE", "consecutive"),
             ({MATRIX: MATRIX.replace('"-0.02", "0.04", "1.02"', '"0", "0", "0"')}, {}, "INCONCLUSIVE", "sphere"),
             ({CAGE: '        motor_field: ["0", "0", "3"]\n' + CAGE}, {}, "INCONCLUSIVE", "its motor disturbs them"),
+            ({CAGE: '        iron: ["8", "-5", "4"]\n        iron_at_reference: "0"\n' + CAGE}, {},
+             "INCONCLUSIVE", "the surroundings disturb it"),
+            ({DRIFT: '["0.006", "-0.001", "0.003"]'}, {}, "INCONCLUSIVE", "the ambient field at the reference"),
+            ({GAIN: 'gain: ["0.05", "0.05", "0.05"]'}, {}, "ERROR", "uT/A upwards at the reference"),
         ],
         2,
     ),
 )  # fmt: skip
 def test_what_must_not_pass(tmp_path, bench, parameters, verdict, said):
-    """Iron at half time, polarity, axes swapped or dead, few attitudes, table, motor, coils, a sick sensor."""
+    """Iron, polarity, axes swapped or dead, few attitudes, drift, table, motor, coils, a sick sensor or reference."""
     made = workspace(tmp_path / "w", bench, {**QUICK, **parameters})
     ended, package = ran(made, CASE)
     assert verdicts(package) == ({CASE: verdict} if verdict else {}), ended.out
@@ -133,10 +143,33 @@ def test_what_must_not_pass(tmp_path, bench, parameters, verdict, said):
         replays(made, package)
 
 
+@pytest.mark.parametrize(
+    ("said", "bench", "verdict", "told"),
+    [
+        ("yes", {}, "PASS", "1 passed"),
+        ("yes", {MOUNTED: ""}, "INCONCLUSIVE", "coverage"),
+        ("no", {}, "ERROR", "answers 'no' to 'board-on-table'"),
+    ],
+)
+def test_a_file_answers(tmp_path, said, bench, verdict, told):
+    """Its yes is done by the simulated hands; without them the board stays as it was, and nothing passes."""
+    made = workspace(tmp_path / "w", bench, QUICK)
+    answers = f'{{distortion: none, board-on-table: "{said}", table-may-start: "yes"}}'
+    ended, package = ran(made, CASE, answers=answers)
+    assert verdicts(package) == {CASE: verdict}, ended.out
+    assert told in ended.out
+    assert {each["by"] for each in bodies(package, "answer")} == {"Ada (answers file)"}
+    replays(made, package)
+
+
 def test_nobody_answers(tmp_path):
-    """Without a terminal, a file or the simulated person the run exits 4 before anything is switched on."""
-    made = workspace(tmp_path / "w")
-    made.change(BENCH, {"    board-y-up: cage.mounting\n": ""})
+    """Without a file and the simulated person's knowledge the run exits 4 before anything is switched on."""
+    made = workspace(tmp_path / "w", {MOUNTED: ""})
     ended = made.hil("run", PLAN, "--bench", "field", "--dut", "SIM-MAG-1", "--source", "simulated", "--only", CASE)
-    assert ended.code != 0
-    assert "board-y-up" in ended.out + ended.err
+    assert ended.code == 4, ended.out + ended.err
+    assert "nobody would answer 'board-on-table'" in ended.err
+    ended = made.hil("run", PLAN, "--bench", "field", "--dut", "SIM-MAG-1", "--source", "simulated", "--ask")
+    assert ended.code == 4, ended.out + ended.err
+    for name in ("distortion", "board-on-table", "table-may-start"):
+        assert f"'{name}'" in ended.err
+    assert made.folders() == []
