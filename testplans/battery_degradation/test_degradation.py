@@ -225,6 +225,7 @@ def draw_fades(rows, starts, fades, skip, chart):
             Curve(name="discharge", x=numbers, y=[row[column] for row in rows], model=model),
             x=("cycle", "1"),
             y=(column.replace("_", " "), unit),
+            lines="the fade that fits best",
         )
 
 

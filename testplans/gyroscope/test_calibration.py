@@ -127,6 +127,7 @@ def draw_bias(report, chart):
             ),
             x=("temperature", "degC"),
             y=("bias", "deg/s"),
+            lines="the polynomials that were fitted",
         )
 
 

@@ -148,7 +148,14 @@ def simulated(sensor, first, chart, parameters):
                 strict=True,
             )
         ]
-    chart(f"Simulated {title}", *curves, x=("averaging time", "s"), y=("Allan deviation", unit), log=True)
+    chart(
+        f"Simulated {title}",
+        *curves,
+        x=("averaging time", "s"),
+        y=("Allan deviation", unit),
+        log=True,
+        lines="what the levels that were simulated predict",
+    )
     return closed
 
 

@@ -113,7 +113,13 @@ def draw(series, drifts, chart):
                 across, upward = found.temperature[leg], change[leg]
                 curves.append(Curve(name=f"{axis} {name}", x=across, y=upward, model=model, residual=residual))
     if curves:
-        chart(f"{series.name} over temperature", *curves, x=("temperature", "degC"), y=("change", series.unit))
+        chart(
+            f"{series.name} over temperature",
+            *curves,
+            x=("temperature", "degC"),
+            y=("change", series.unit),
+            lines="the drift",
+        )
 
 
 def ranked(drifts, role, artifact):

@@ -194,7 +194,13 @@ def draw(found, chart, reference):
                     )
                 )
         if curves:
-            chart(f"{name} over temperature", *curves, x=("temperature", "degC"), y=("change", ways[0].unit))
+            chart(
+                f"{name} over temperature",
+                *curves,
+                x=("temperature", "degC"),
+                y=("change", ways[0].unit),
+                lines="the drift of the way on which the temperature changed most",
+            )
         if name in DRIFT:
             each_way(name, ways, chart)
 

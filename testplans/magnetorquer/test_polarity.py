@@ -120,6 +120,7 @@ def test_linearity(board, operator, coil, field, record, check, chart, step, ite
         Curve(name=named(board), x=currents, y=fields, model=(currents, line), residual=residuals),
         x=("coil current", "mA"),
         y=("field along the normal", "uT"),
+        lines="the straight lines that fit best",
     )
     check("ADCS-MTQ-040", "nonlinearity", linearity(currents, fields), at=named(board), headline="Non-linearity")
 

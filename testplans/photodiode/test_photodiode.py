@@ -141,7 +141,13 @@ def draw(seen, report, electrical, relative, chart):
             curve["residual"] = (read - report.diode.voltage_of(light, across, ohms)) * 1e3
             if name != "cooling":
                 curve["model"] = (grid, report.diode.voltage_of(1.0, grid, ohms) * 1e3)
-        chart("Photodiode under the lamp", Curve(**curve), x=("temperature", "degC"), y=("reading", "mV"))
+        chart(
+            "Photodiode under the lamp",
+            Curve(**curve),
+            x=("temperature", "degC"),
+            y=("reading", "mV"),
+            lines="the model in the mean light",
+        )
     if not report.conclusive:
         return
     cooling = next(each for each in seen if each.name == "cooling")

@@ -48,6 +48,14 @@ def test_figures_are_converted_and_carry_their_bars(chart, written):
     assert curve.residual == (0.1, -0.1)
 
 
+def test_what_the_lines_are_is_kept(chart, written):
+    """In words, for the caption."""
+    line = Curve(name="x+", x=[1.0, 2.0], y=[1.0, 2.0], model=([1.0, 2.0], [1.0, 2.0]))
+    chart("Field over current", line, lines="the straight lines that fit best", **AXES)
+    chart("Field over current", line, **AXES)
+    assert [event_of(**each).lines for each in written] == ["the straight lines that fit best", ""]
+
+
 def test_limits_come_from_the_catalogue(chart, written):
     """A limit is named, never given as a number, and is drawn in the unit of the axis."""
     curve = Curve(name="x", x=[1.0], y=[1.0])

@@ -11,7 +11,7 @@ from typed_events import event_of
 
 from hil.evidence.events import Chart, ChartAxis, ChartCurve, ChartLimit
 from hil.report.drawing.curves import chart_graphics, draw_chart
-from hil.report.drawing.panel import Band, LogScale
+from hil.report.drawing.panel import WIDTH, Band, LogScale, width_of
 from hil.report.drawing.recordings import _windows, draw_traces
 from hil.report.material import Trace
 from hil.report.page.as_run import attributed, behind
@@ -19,10 +19,10 @@ from hil.report.page.grouping import check_groups, headlines
 from hil.report.page.steps import step_rows
 
 
-def chart(*curves, log=False, limits=(), title="Bias over temperature"):
+def chart(*curves, log=False, limits=(), title="Bias over temperature", lines=""):
     """Return a chart of these curves."""
     axes = {"x": ChartAxis(name="temperature", unit="degC"), "y": ChartAxis(name="bias", unit="deg/s")}
-    return Chart(case="c", step="", title=title, curves=curves, limits=limits, log=log, **axes)
+    return Chart(case="c", step="", title=title, curves=curves, limits=limits, log=log, lines=lines, **axes)
 
 
 def places(svg, kind="mark k0"):
@@ -38,6 +38,25 @@ def test_charts_of_one_title_are_one():
     assert first.svg.count(">x<") == first.svg.count(">y<") == 1  # its legend
     assert "bias / deg/s" in first.svg
     assert "temperature / degC" in first.svg
+
+
+@pytest.mark.parametrize(
+    ("lines", "told"), [("", "lines are the model"), ("the fade that fits best", "lines are the fade that fits best")]
+)
+def test_a_caption_says_what_its_lines_are(lines, told):
+    """Where there are lines; of several cases each is said once."""
+    curve = ChartCurve(name="x", x=(1.0, 2.0), y=(1.0, 2.0), model_x=(1.0, 2.0), model_y=(1.0, 2.0))
+    (drawn,) = chart_graphics([chart(curve, lines=lines)] * 2)
+    assert drawn.described == f"2 points; {told}."
+    (points,) = chart_graphics([chart(ChartCurve(name="x", x=(1.0, 2.0), y=(1.0, 2.0)), lines=lines)])
+    assert points.described == "2 points."
+
+
+def test_the_last_number_across_is_not_cut():
+    """A long one has its room at the right."""
+    svg = draw_chart(chart(ChartCurve(name="x", x=(0.0, 19_900.0), y=(1.0, 2.0))))
+    place = int(re.search(r'<text[^>]* x="(\d+)"[^>]*>20000<', svg)[1])
+    assert place + width_of("20000") // 2 <= WIDTH
 
 
 def test_pairs_have_one_colour_each_and_are_filled_and_hollow():

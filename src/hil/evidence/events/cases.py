@@ -285,6 +285,7 @@ class Chart(Event, frozen=True, kw_only=True):
         curves: the points.
         limits: the limits that are drawn with them.
         log: whether both axes are logarithmic.
+        lines: what the lines of the curves are; empty for the model.
     """
 
     case: str
@@ -295,6 +296,7 @@ class Chart(Event, frozen=True, kw_only=True):
     curves: tuple[ChartCurve, ...]
     limits: tuple[ChartLimit, ...] = ()
     log: bool = False
+    lines: str = ""
 
 
 class Fault(Event, frozen=True, kw_only=True):

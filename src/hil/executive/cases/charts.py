@@ -71,6 +71,7 @@ class Charts(OfThisProcess):
         limit: tuple[str, str] | None = None,
         limit_power: float = 0.0,
         residual_limit: tuple[str, str] | None = None,
+        lines: str = "",
     ) -> None:
         """Put a chart on the first page of the report.
 
@@ -87,6 +88,7 @@ class Charts(OfThisProcess):
             limit_power: the power of what stands across that the limit is multiplied with: -0.5 for a noise density
                 over the averaging time.
             residual_limit: the same for the residuals.
+            lines: what the lines of the models are, for the caption, such as `the fade that fits best`.
 
         Raises:
             Misused: for lists that do not belong together, an unknown limit, or a unit that does not convert.
@@ -109,6 +111,7 @@ class Charts(OfThisProcess):
                 curves=written,
                 limits=tuple(limits),
                 log=log,
+                lines=one_line(lines),
             )
         )
 

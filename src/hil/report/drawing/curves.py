@@ -67,7 +67,8 @@ def draw_chart(chart: Chart) -> str:
     left = 320 + max((width_of(label) for _, label in labels), default=0)
     names = [plain(curve.name, _NAME) for curve in chart.curves] if len(chart.curves) > 1 else []
     top = _ABOVE + legend_height(names, WIDTH - left - 100)
-    x = _scale(across, left, WIDTH - 100, log=chart.log)
+    last = max((width_of(label) for _, label in _scale(across, 0, 1, log=chart.log).ticks(6)[-1:]), default=0)
+    x = _scale(across, left, WIDTH - max(100, last // 2 + 20), log=chart.log)
     main = Panel(x=x, y=_scale(upward, top + _HEIGHT, top, log=chart.log))
     sheet = Sheet()
     main.legend(sheet, [(_mark(kind), name) for (kind, _), name in zip(curves, names, strict=False)])
@@ -96,6 +97,7 @@ def _merged(members: Sequence[Chart]) -> Chart:
         curves=tuple(curves.values()),
         limits=tuple(limits),
         log=first.log,
+        lines=", ".join(dict.fromkeys(each.lines for each in members if each.lines)),
     )
 
 
@@ -105,7 +107,7 @@ def _told(chart: Chart) -> str:
     if any(curve.expanded for curve in chart.curves):
         parts.append("bars are expanded uncertainties")
     if any(curve.model_x for curve in chart.curves):
-        parts.append("lines are the model")
+        parts.append(f"lines are {chart.lines or 'the model'}")
     if any(curve.residual for curve in chart.curves):
         parts.append("below is what the model leaves")
     if chart.limits:
