@@ -30,10 +30,9 @@ def made(parts, rate=10.0, *, seed=0, noise=0.05, field_noise=0.3, iron=(0.0, 0.
     """
     generator = np.random.default_rng(seed)
     true = np.concatenate(parts)
-    steps = Rotation.from_rotvec(np.radians(true) / rate)
-    attitude, field = Rotation.identity(), []
-    for step in steps:
-        field.append(attitude.inv().apply(FIELD))
-        attitude = attitude * step
+    attitude, field = np.eye(3), []
+    for step in Rotation.from_rotvec(np.radians(true) / rate).as_matrix():
+        field.append(FIELD @ attitude)  # by the inverse, which of a rotation is the transpose
+        attitude = attitude @ step
     rates = true + BIAS + noise * generator.standard_normal(true.shape)
     return rates, np.array(field) + np.asarray(iron) + field_noise * generator.standard_normal(true.shape)
