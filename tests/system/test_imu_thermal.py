@@ -126,9 +126,13 @@ def test_what_is_wrong_under_the_lamp_passes_nothing(tmp_path):
         'drift: ["0.031", "0.017442"': 'drift: ["0", "0.017442"',
         'field_noise: {white: ["0.204", "0.204", "0.204"], flicker: ["0.048810", "0.098254", "0.015409"],\n'
         '          random_walk: ["0.00063294", ': 'field_noise: {white: ["0", "0.2", "0.2"], random_walk: ["0", ',
-        **_lets("lsm1", "kind: temperature-raw, from: 380 s, until: 640 s"),
+        **_lets("lsm1", "kind: temperature-raw, from: 340 s, until: 450 s"),
     }
-    ran = thermal_workspace(tmp_path / "workspace", LAMP, bench=changes).run(**ON_IMU)
+    workspace = thermal_workspace(tmp_path / "workspace", LAMP, bench=changes)
+    minute = {f'{{name: {name}, value: "150"': f'{{name: {name}, value: "60"' for name in ("heating", "cooling")}
+    workspace.change("testplans/imu_lamp/parameters.yaml", minute)
+    workspace.lock()
+    ran = workspace.run(**ON_IMU)
     found = requirements_of(ran)
     assert {name: found[name] for name in ("022", "024", "025", "026")} == {
         "022": "FAIL",
