@@ -7,6 +7,7 @@ error will do. `python tests/support/ugly_logs.py` writes the page.
 
 from __future__ import annotations
 
+import gzip
 import json
 import math
 import tempfile
@@ -814,7 +815,76 @@ def twelve_hours():
     return table([_clock((43190 + s) % 43200) + (" AM" if s < 10 else " PM") for s in times()], noise())
 
 
+@kind("days as a spreadsheet counts them, told by nobody")
+def spreadsheet_days():
+    return table(46349 + times() / 86400, noise(), form="%.15g")
+
+
+@kind("nanoseconds since a telephone was switched on, about as large as ms since 1970")
+def nanoseconds_since_boot():
+    return table([f"{1700000000000 + n * 10**7}" for n in range(COUNT)], noise())
+
+
+@kind("seconds in a column whose name says ms")
+def seconds_named_ms():
+    return table(times(), noise(), head="time_ms,x")
+
+
+@kind("a count of samples given as the time, as its name says", (*ALLAN[:3], "PacketCounter", *ALLAN[4:]))
+def counted_as_time():
+    return table(np.arange(65000.0, 65000.0 + COUNT) % 65536, noise(), head="PacketCounter,x")
+
+
+@kind("day, month and year with points, decimal commas")
+def points_and_commas():
+    rows = zip(times().tolist(), noise().tolist(), strict=True)
+    cells = ((_clock(36000 + second), f"{value:.6f}") for second, value in rows)
+    return "t;x\n" + "".join(
+        f"23.11.2026 {clock};{value}\n".replace(".", ",").replace(",", ".", 2) for clock, value in cells
+    )
+
+
+@kind("month, day and year with slashes, which may be day and month")
+def slashes():
+    return table([f"11/12/2026 {_clock(36000 + second)}" for second in times()], noise())
+
+
+@kind("five rows of 1970 before a receiver knew the time")
+def before_the_fix():
+    return table(np.where(np.arange(COUNT) < 5, times(), 1.7e9 + times()), noise(), form="%.14g")
+
+
+@kind("a log of ROS: a mark before the names, nanoseconds, a column of words", (*ALLAN, "--columns", "velocity.x"))
+def of_ros():
+    return table(
+        [f"{1700000000 * 10**9 + n * 10**7}" for n in range(COUNT)],
+        ["imu"] * COUNT,
+        noise(),
+        head="%time,frame_id,velocity.x",
+    )
+
+
+@kind("a log packed by gzip", truth=None)
+def packed():
+    return gzip.compress(even().encode())
+
+
+@kind("two sensors that take turns in one column")
+def two_sensors():
+    return table(times(2 * COUNT) / 2.0, noise(2 * COUNT) + np.tile([0.0, 0.7], COUNT))
+
+
+@kind("three sensors that take turns in one column, under one timestamp")
+def three_sensors():
+    return table(np.repeat(times(), 3), noise(3 * COUNT) + np.tile([0.0, 0.3, -0.5], COUNT))
+
+
 # Spectra
+
+
+@kind("a spectrum of two sensors that take turns in one column", PSD)
+def psd_two_sensors():
+    return two_sensors()
 
 
 @kind("a spectrum of even timestamps", PSD)
@@ -1593,6 +1663,10 @@ def page(everything: dict[str, Said]) -> str:
         "  it: these are temperatures in degC as well.",
         "- Samples of 4 to 6 standard deviations, fewer than one in 200, in a record of a few thousand: noise without",
         "  them has as heavy tails now and then. White noise reads up to 9 % too high.",
+        "- A count of samples that is given as the time, in a table without names: a sample each second is as likely.",
+        "  A note says so.",
+        "- Sensors of the same offset that take turns in one column: white noise reads smaller by the root of their",
+        "  number.",
         "- A reference voltage of a converter that is wrong by 5 %: voltages and currents of a photodiode are wrong",
         "  together. Measure it, and give `--reference-uncertainty`.",
         "",

@@ -1,4 +1,4 @@
-"""Gates on what must stay as it was: the mean, the noise, and counts that never start over."""
+"""Gates on what must stay as it was: the mean, the noise, counts that never start over, and whose samples they are."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from hil.analysis.extremes import averaged, robust, step_of
 from hil.analysis.gates import Facts, Gate, present
 
-__all__ = ["jumps", "steady", "wrapped"]
+__all__ = ["interleaved", "jumps", "steady", "wrapped"]
 
 _Array: TypeAlias = NDArray[np.float64]
 
@@ -28,6 +28,9 @@ _LOOKED_AT = 20_000  # samples of a part that tell its noise
 _LOUDER = 1.25  # times: noise that differs by less is one noise
 _SURE = 5.0  # standard deviations beyond which a difference is no chance
 _CUT = 4.0  # standard deviations beyond which a sample counts no more: a spike is no change of noise
+_TURNS = {2: "other", 3: "third", 4: "fourth", 5: "fifth", 6: "sixth"}  # sensors that may take turns in one column
+_ROUNDING = 1e-9  # of the value: what scatters less is no noise
+_APART, _NO_CHANCE = 0.3, 8.0  # of the scatter that samples of one turn are off, and standard deviations of that
 _LEAST = 50  # counts whose bytes are looked at
 _WORDS = (8, 10, 12, 14, 16, 18, 20, 24, 32)  # bits of a count
 _SWAPPED = 8.0  # times less scatter when the bytes are put in the other order
@@ -110,6 +113,30 @@ def _off(values: _Array) -> _Array:
     every = max(1, (values.size - 2) // _LOOKED_AT)
     off = values[1:-1:every] - 0.5 * (values[:-2:every] + values[2::every])
     return present(off)
+
+
+def interleaved(channel: str, values: _Array) -> Gate:
+    """Trip where every second to sixth sample differs from those between: several sensors take turns in one column.
+
+    Their offsets fade from averages over whole turns, and from others as quantisation does; what is left is not the
+    noise of any of them. A line at such a part of the rate trips as well. The drift of the record is taken off.
+    """
+    name = "interleaved"
+    for turns, which in _TURNS.items():
+        looked = values[: min(_ENOUGH, values.size) // turns * turns].reshape(-1, turns)
+        rows = looked[np.isfinite(looked).all(axis=1)]
+        if len(rows) < _LEAST:
+            break
+        middles = rows.mean(axis=1)
+        drift = (middles[-1] - middles[0]) / (len(looked) - 1) / turns
+        off = rows - middles[:, None] - drift * (np.arange(turns) - (turns - 1) / 2.0)
+        means, scatter = off.mean(axis=0), off.std(axis=0)
+        usual = max(float(np.median(scatter)), _ROUNDING * float(np.abs(rows).max()))
+        if np.abs(means).max() > max(_APART, _NO_CHANCE / math.sqrt(len(rows))) * usual:
+            told = f"every {which} sample is off by {float(np.ptp(means)):.3g}"
+            reason = f"{told}, as where several sensors take turns in one column: give each its own"
+            return Gate(name=name, channel=channel, ok=False, reason=reason)
+    return Gate(name=name, channel=channel, ok=True, reason="no sample differs by its turn")
 
 
 def wrapped(channel: str, values: _Array, facts: Facts) -> Gate:

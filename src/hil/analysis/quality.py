@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hil.analysis.allan.deviation import deviation
-from hil.analysis.changes import jumps, steady, wrapped
+from hil.analysis.changes import interleaved, jumps, steady, wrapped
 from hil.analysis.extremes import resolved, saturated, spikes
 from hil.analysis.gates import (
     HIGHEST,
@@ -136,8 +136,8 @@ def judge(time: ArrayLike, channels: Mapping[str, ArrayLike], facts: Facts) -> t
     """Return every gate for a recording at rest, those that could not be judged included.
 
     For the recording: order, gaps, jitter, rate, repeated, aliased, alike. For each channel: finite, stuck, saturated,
-    spikes, resolved, wrapped, jumps, steady and density; for the temperature finite and celsius only, because a
-    temperature may well stand still.
+    spikes, resolved, wrapped, jumps, steady, interleaved and density; for the temperature finite and celsius only,
+    because a temperature may well stand still.
 
     Args:
         time: timestamps in s, shape (n,).
@@ -173,7 +173,7 @@ def read(channels: Mapping[str, NDArray[np.float64]], facts: Facts, rate: float 
     for name, values in rates.items():
         found += [finite(name, given[name]), stuck(name, values), saturated(name, values, facts)]
         found += [spikes(name, values), resolved(name, values, facts), wrapped(name, values, facts)]
-        found += [jumps(name, values), steady(name, values)]
+        found += [jumps(name, values), steady(name, values), interleaved(name, values)]
         if rate is not None:
             measured = density(values, rate) if facts.noise_density is not None else float("nan")
             found.append(density_agrees(name, measured, facts))

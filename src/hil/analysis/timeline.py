@@ -30,7 +30,15 @@ _WRITTEN = {
 }  # fmt: skip
 _LAST_WORD = re.compile(r"(?:^|[\s_\[(/.,])([^\s_\[(/.,\])]+)[\])]?\s*$")
 _EPOCHS = {"s": 1e9, "ms": 1e12, "us": 1e15, "ns": 1e18}  # about the year 2001; tenfold is the year 2286
-_LIKELY = (1e-5, 2.0)  # s between samples of a sensor; beyond them another unit is likelier
+_LIKELY = (2.5e-5, 2.0)  # s between samples of a sensor; beyond them another unit is likelier
+_OTHERS = ("ms", "us", "ns", "h", "d", "s")  # units that times may be in instead, the likeliest first
+_COUNTERS = frozenset(
+    {"sample", "samples", "index", "idx", "counter", "count", "counts", "cnt", "seq", "sequence", "packet", "frame"}
+    | {"row", "record", "nr", "no", "number"}
+)
+"""Last words of the names of columns that count samples."""
+
+_WORDS = re.compile(r"[A-Z]?[a-z]+|[A-Z]+")
 _MODULI = (
     *(2.0**bits * unit for bits in (16, 24, 31, 32) for unit in (1.0, 1e-3, 1e-6)),
     *(2.0**32 * unit for unit in (1e-9, 1e-2)),
@@ -89,7 +97,7 @@ def time_unit(typed: str | None, column: str, values: ArrayLike) -> tuple[str, s
 
 
 def timeline(
-    timestamps: ArrayLike, unit: str = "s", *, typed: bool = True, values: ArrayLike | None = None
+    timestamps: ArrayLike, unit: str = "s", *, typed: bool = True, column: str = "", values: ArrayLike | None = None
 ) -> Timeline:
     """Understand the timestamps of a log.
 
@@ -99,7 +107,9 @@ def timeline(
     Args:
         timestamps: as they are written, shape (n,).
         unit: of the timestamps, a key of TIME_UNITS.
-        typed: whether somebody said that this is the unit; otherwise an unlikely interval trips the gate `time_unit`.
+        typed: whether somebody said that this is the unit; otherwise an unlikely interval trips the gate `time_unit`,
+            and so does a column that counts samples, as its name says.
+        column: its name.
         values: what stands beside each timestamp, shape (n, channels).
 
     Raises:
@@ -117,8 +127,10 @@ def timeline(
     seconds = raw - raw[:1]
     seconds *= TIME_UNITS[unit]
     report, places = placed(seconds)
-    gates += [_likely(report, unit, typed=typed), _one_rate(seconds, report)]
+    gates += [_likely(report, unit, column, typed=typed), _one_rate(seconds, report)]
     remarks += _remarks(report)
+    if not typed and column.isdecimal() and report.rate == 1.0 and not report.jitter_max:
+        remarks.append("times rise by 1 from sample to sample: if they count samples, give --rate instead of --time")
     return Timeline(
         seconds=seconds, rows=rows, places=places, report=report, gates=tuple(gates), remarks=tuple(remarks)
     )
@@ -201,16 +213,28 @@ def _in_order(raw: _Array, values: ArrayLike | None, remarks: list[str]) -> tupl
     return arranged, order if rows is None else rows[order]
 
 
-def _likely(report: SamplingReport, unit: str, *, typed: bool) -> Gate:
+def _likely(report: SamplingReport, unit: str, column: str, *, typed: bool) -> Gate:
     interval = 1.0 / report.rate
+    if not typed and _counts_samples(column):
+        reason = f"column '{column}' counts samples, as its name says, and tells no time: give --rate instead of --time"
+        return Gate(name="time_unit", channel="", ok=False, reason=f"{reason}, or --time-unit {unit} if it does")
     reason = f"{interval:.4g} s between samples, {report.rate:.4g} Hz, with times taken in {unit}"
     ok = typed or _LIKELY[0] <= interval <= _LIKELY[1]
     if not ok:
-        other = "ms" if interval > _LIKELY[1] else "h"
-        if interval > 2000.0:
-            other = "us" if interval < 2e6 else "ns"
-        reason += f", is unlikely: type --time-unit {other} if they are in {other}, --time-unit {unit} if it is right"
+        reason += f", is unlikely: type {_others(interval, unit)}--time-unit {unit} if it is right"
     return Gate(name="time_unit", channel="", ok=ok, reason=reason)
+
+
+def _others(interval: float, unit: str) -> str:
+    """Return what to type for each unit with which an interval is likely."""
+    written = interval / TIME_UNITS[unit]
+    likely = [each for each in _OTHERS if _LIKELY[0] <= written * TIME_UNITS[each] <= _LIKELY[1]]
+    return "".join(f"--time-unit {each} if they are in {each}, " for each in likely)
+
+
+def _counts_samples(column: str) -> bool:
+    words = [word.lower() for word in _WORDS.findall(column)]
+    return bool(words) and words[-1] in _COUNTERS and not any("time" in word for word in words)
 
 
 def _one_rate(seconds: _Array, report: SamplingReport) -> Gate:

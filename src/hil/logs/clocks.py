@@ -9,7 +9,8 @@ import numpy as np
 __all__ = ["Clock"]
 
 _DATE = re.compile(
-    r"(\d{4}-\d\d-\d\d)[T ]+(\d\d?):(\d\d)(?::(\d\d(?:[.,]\d*)?))?\s*(Z|UTC|[+-]\d\d:?\d\d)?", re.IGNORECASE
+    r"(\d{4}([-/])\d\d\2\d\d|\d\d?\.\d\d?\.\d{4})[T ]+(\d\d?):(\d\d)(?::(\d\d(?:[.,]\d*)?))?\s*(Z|UTC|[+-]\d\d:?\d\d)?",
+    re.IGNORECASE,
 )
 _TIME = re.compile(r"([-+]?)(?:(\d+)\s*(?:d|days?)?[ .,:]+)?(\d+):(\d\d):(\d\d(?:[.,]\d*)?)")
 
@@ -24,12 +25,13 @@ class Clock:
         """Return the seconds that a cell says.
 
         Raises:
-            ValueError: it is neither a number, `hh:mm:ss.sss`, `3 days 04:05:06`, nor a date of ISO 8601 with a time.
+            ValueError: it is neither a number, `hh:mm:ss.sss`, `3 days 04:05:06`, nor a date with a time. A date is one
+                of ISO 8601, also with slashes, or day, month and year with points; 11/12/2026 may be two days.
         """
         text = cell.strip().strip('"')
         date = _DATE.fullmatch(text)
         if date is not None:
-            day, hours, minutes, seconds, zone = date.groups()
+            day, _, hours, minutes, seconds, zone = date.groups()
             return self._since(day) + _seconds(hours, minutes, seconds or "0") - _offset(zone or "Z")
         time = _TIME.fullmatch(text)
         if time is not None:
@@ -40,7 +42,8 @@ class Clock:
 
     def _since(self, day: str) -> float:
         if day not in self._days:
-            self._days[day] = int(np.datetime64(day, "D").astype(np.int64))
+            iso = "-".join(part.zfill(2) for part in reversed(day.split("."))) if "." in day else day.replace("/", "-")
+            self._days[day] = int(np.datetime64(iso, "D").astype(np.int64))
         first = next(iter(self._days.values()))
         return 86400.0 * (self._days[day] - first)
 

@@ -31,6 +31,14 @@ _TAIL = 1 << 14  # bytes at the end of a file: what a last line without its end 
 _FEWEST, _ENOUGH = 4, 20  # rows above it that may raise a doubt, and that tell
 _SHOWN = 40  # characters of a cell in an error
 _ODD = 0.1  # of the cells of a block: with more that are not plain, lines are read one by one
+_PACKED = {
+    b"\x1f\x8b": "packed by gzip",
+    b"PK\x03\x04": "a ZIP archive or a workbook",
+    b"\xff\xfe": "in UTF-16",
+    b"\xfe\xff": "in UTF-16",
+}
+"""First bytes of what people take for a text file."""
+
 _MARKS = tuple({mark[0] for mark in COMMENT_MARKS})
 
 
@@ -130,6 +138,11 @@ def _refuse_binary(path: Path) -> None:
         start = file.read(8192)
     if not start.strip():
         raise Refused(f"{path}: the file is empty", "name a table with at least one row")
+    packed = next((what for mark, what in _PACKED.items() if start.startswith(mark)), "")
+    if packed:
+        raise Refused(
+            f"{path}: not a text file in UTF-8, but {packed}", "export or unpack it as text (CSV) in UTF-8 first"
+        )
     if b"\0" in start:
         raise Refused(f"{path}: not a text file", "export the log as text (CSV) in UTF-8 first")
 

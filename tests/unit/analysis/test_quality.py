@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from hil.analysis.changes import jumps, steady, wrapped
+from hil.analysis.changes import interleaved, jumps, steady, wrapped
 from hil.analysis.extremes import resolved, rounding, saturated, spikes
 from hil.analysis.gates import Facts, copies, repeated, stuck
 from hil.analysis.quality import aliased, density, density_agrees, judge, tripped
@@ -36,7 +36,7 @@ def test_a_good_recording_passes_every_gate():
     """Nothing trips, and with all facts given nothing is left unjudged."""
     gates = judge(*recording(), FACTS)
     assert [gate for gate in gates if gate.ok is not True] == []
-    assert len(gates) == 7 + 3 * 9 + 2
+    assert len(gates) == 7 + 3 * 10 + 2
     assert all(gate.reason for gate in gates)
 
 
@@ -359,3 +359,23 @@ def test_rows_that_stand_twice_or_three_times_are_told():
     gate = repeated({"x": np.tile(rows, 2)})
     assert (gate.ok, gate.samples) == (False, (31,))
     assert "the same 30 rows stand twice" in gate.reason
+
+
+@pytest.mark.parametrize("turns", range(2, 7))
+@pytest.mark.parametrize("beneath", [np.zeros(6000), np.linspace(0.0, 900.0, 6000), np.sin(np.arange(6000) / 300.0)])
+def test_sensors_that_take_turns_are_told_apart(turns, beneath):
+    """Whatever drifts beneath them, around holes; alone, each of them passes."""
+    alone = np.random.default_rng(3).standard_normal(6000) + beneath
+    alone[[100, 200]] = np.nan
+    assert interleaved("x", alone).ok is True
+    found = interleaved("x", alone + np.where(np.arange(6000) % turns == 1, 0.8, 0.0))
+    assert found.ok is False
+    assert "as where several sensors take turns" in found.reason
+
+
+def test_a_line_beside_a_part_of_the_rate_is_no_turn():
+    """50.1 Hz at 100 Hz passes by every sample; a straight line without noise tells nothing."""
+    time = np.arange(6000) / 100.0
+    noise_alone = np.random.default_rng(3).standard_normal(6000)
+    assert interleaved("x", noise_alone + np.sin(2.0 * np.pi * 50.1 * time)).ok is True
+    assert interleaved("x", time).ok is True

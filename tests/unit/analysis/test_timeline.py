@@ -90,6 +90,37 @@ def test_an_interval_that_no_sensor_has_asks_for_the_unit(step, asks):
     assert timeline(step * np.arange(100)).gates[0].ok is True
 
 
+def test_a_unit_that_a_size_or_a_name_says_may_be_wrong():
+    """An interval that no sensor has trips with them as well, and every unit that would do is named."""
+    raw = 1.7e12 + 1e7 * np.arange(100)
+    gate = timeline(raw, time_unit(None, "t", raw)[0], typed=False).gates[0]
+    assert gate.ok is False
+    assert "with times taken in ms, is unlikely: type --time-unit ns if they are in ns" in gate.reason
+    days = timeline(46000.0 + np.arange(100) / 8.64e6, typed=False).gates[0]
+    assert "--time-unit h if they are in h, --time-unit d if they are in d, --time-unit s if" in days.reason
+    named = timeline(np.arange(100) / 100.0, time_unit(None, "t_ms", [0.0])[0], typed=False).gates[0]
+    assert "type --time-unit s if they are in s" in named.reason
+
+
+@pytest.mark.parametrize("column", ["sample", "PacketCounter", "Record No.", "seq [1]", "IMU_IDX"])
+def test_a_column_that_counts_samples_is_no_time(column):
+    """Its name says it, unless somebody typed the unit or the name speaks of a time."""
+    counts = np.arange(100.0)
+    gate = timeline(counts, typed=False, column=column).gates[0]
+    assert gate.ok is False
+    assert f"column '{column}' counts samples" in gate.reason
+    assert timeline(counts, column=column).gates[0].ok is True
+    assert timeline(counts, typed=False, column=f"time_{column}").gates[0].ok is True
+
+
+def test_times_that_may_be_counts_are_told():
+    """Of a table without names, where nobody typed the unit."""
+    assert "if they count samples" in timeline(np.arange(100.0), typed=False, column="1").remarks[0]
+    for times, column in ((np.arange(100.0), "t"), (0.5 * np.arange(100.0), "1")):
+        assert timeline(times, typed=False, column=column).remarks == ()
+    assert timeline(np.arange(100.0), column="1").remarks == ()
+
+
 @pytest.mark.parametrize("rate", [90.0, 150.0])
 def test_a_rate_that_changes_half_way_trips(rate):
     """From 100 Hz; a gap, jitter that adds up and lost samples are no change of rate."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 from pathlib import Path
 
 import numpy as np
@@ -113,6 +114,9 @@ def test_a_last_line_that_is_still_a_row_is_compared_with_those_above(written):
         ("  \n \n", [], "the file is empty"),
         ("only\nwords\n", [], "no row of numbers"),
         (b"\x89PNG\0\0\1", [], "not a text file"),
+        (gzip.compress(b"1 2\n3 4\n"), [], "not a text file in UTF-8, but packed by gzip"),
+        (b"PK\x03\x04", [], "but a ZIP archive or a workbook"),
+        ("1 2\n3 4\n".encode("utf-16"), [], "but in UTF-16"),
         ("1 2 3\n4 5\n6 7 8\n9 10 11\n", [], r"log.txt:2:1: 2 cells, where the rows above have 3"),
         ("1 2 3\n4 5 6 7\n6 7 8\n9 10 11\n", ["1"], r"log.txt:2:1: 4 cells, where the rows above have 3"),
         ("1 2 3\n4 x5 6\n6 7 8\n", [], r"log.txt:2:3: 'x5' in column 2 is not a number"),
@@ -143,17 +147,22 @@ def test_what_is_wrong_is_said_with_its_place(written, text, columns, why):
         ("2026-01-31T23:59:59.9", "2026-02-01 00:00:00", 0.1),
         ("2026-01-31T23:59:59Z", "2026-01-31T23:00:00-01:00", 1.0),
         ("2026-12-31 23:59", "2027-01-01 00:00", 60.0),
+        ("2026/01/31 23:59:59", "2026/02/01 00:00:01", 2.0),
+        ("31.01.2026 23:59:59,5", "1.2.2026 00:00:00,5", 1.0),
         ("1.5", "2.5", 1.0),
     ],
 )
 def test_times_are_read_as_they_are_written(written, first, second, apart):
-    """Times of day, days, ISO 8601 with zones, and plain numbers; all of them as seconds."""
+    """Times of day, days, ISO 8601 with zones, dates with slashes or points, plain numbers; all of them as seconds."""
     table = read(written(f"t;x\n{first};1\n{second};2\n"), ["x"], first="t", clock=True)
     assert table.values[1, 0] - table.values[0, 0] == pytest.approx(apart)
     assert table.values[:, 1].tolist() == [1.0, 2.0]
 
 
-@pytest.mark.parametrize("cell", ["01/02/2026 10:00:00", "01:30", "2026-13-01T00:00:00", "noon"])
+@pytest.mark.parametrize(
+    "cell",
+    ["01/02/2026 10:00:00", "2026/01-02 10:00:00", "32.01.2026 10:00:00", "01:30", "2026-13-01T00:00:00", "noon"],
+)
 def test_a_time_that_could_mean_several_is_refused(written, cell):
     """The line, and how times are written."""
     with pytest.raises(Refused, match="log.txt:3:1: .* is not a time") as caught:

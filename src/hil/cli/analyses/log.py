@@ -228,9 +228,8 @@ def _timed(wanted: Wanted, table: Table) -> _Timed:
     raw = table.values[:, 0]
     unit, told = ("s", "") if table.clocked else time_unit(wanted.time_unit, table.names[0], raw)
     try:
-        line: Timeline = timeline(
-            raw, unit, typed=table.clocked or wanted.time_unit is not None or bool(told), values=table.values[:, 1:]
-        )
+        typed = table.clocked or wanted.time_unit is not None
+        line: Timeline = timeline(raw, unit, typed=typed, column=table.names[0], values=table.values[:, 1:])
     except Refused as error:
         raise Refused(f"{wanted.file}: {error.message}", error.hint) from None
     part = _part(wanted, line.seconds)
