@@ -18,6 +18,7 @@ from scipy.signal import butter, lfilter
 from scipy.special import stdtrit
 
 from hil.analysis import SensorModel, quality, simulate
+from hil.analysis.allan import fit as allan_fit
 from hil.analysis.allan.curves import slow
 from hil.analysis.allan.noise import characterise
 from hil.analysis.allan.rolloff import rolloff
@@ -270,6 +271,24 @@ def test_bounds_behind_a_filter_count_what_it_takes_off(seed):
     white = characterise(disturbed(first_order, ("white", "flicker", "random_walk"), seed), RATE, "deg/s").white
     assert white.status is FigureStatus.UPPER_LIMIT
     assert white.value > LEVELS["white"]
+
+
+@pytest.mark.system
+@pytest.mark.timeout(600)
+def test_flicker_behind_a_filter_is_right_whether_it_is_measured_or_not(monkeypatch):
+    """Over all records its square covers as it claims; what is measured is what came out large."""
+    fits, plainly = [], allan_fit.fit
+    monkeypatch.setattr(allan_fit, "fit", lambda points: fits.append(plainly(points)) or fits[-1])
+    pulls = []
+    for subset in sweeps.sample([each for each in SUBSETS if "flicker" in each], 2):
+        for seed in range(sweeps.chosen(15, 100)):
+            model = characterise(disturbed(first_order, subset, seed), RATE, "deg/s")
+            if model.flicker.status is not FigureStatus.MODEL_REJECTED and "the record holds" not in model.remark:
+                pulls.append((fits[-1].offered[2] - LEVELS["flicker"] ** 2) / math.sqrt(fits[-1].covariance[2, 2]))
+    inside = sum(abs(pull) < 1.0 for pull in pulls)
+    sys.stdout.write(f"flicker behind a filter: {inside} of {len(pulls)} inside, mean {np.mean(pulls):.2f}\n")
+    assert abs(inside - 0.6827 * len(pulls)) <= spread(len(pulls), 0.6827)
+    assert abs(np.mean(pulls)) <= 3.3 * 1.1 / math.sqrt(len(pulls))
 
 
 def test_quantisation_of_the_angle_below_a_count_is_flagged():

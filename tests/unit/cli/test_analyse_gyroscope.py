@@ -108,6 +108,14 @@ def test_the_plot_has_the_same_bytes_each_time(tmp_path, ending):
     assert len(first) > 10_000
 
 
+def test_residuals_are_drawn_below_bias_and_scale(tmp_path):
+    """A panel for each, in its unit."""
+    run(TABLE, *ALL, "--plot", str(tmp_path / "fits.svg"))
+    drawn = (tmp_path / "fits.svg").read_text(encoding="utf-8")
+    for label in ("bias [deg/s]", "residual [deg/s]", "scale [1]", "residual [1]"):
+        assert drawn.count(f"<!-- {label} -->") == 1
+
+
 @pytest.mark.parametrize(
     ("arguments", "why"),
     [

@@ -133,9 +133,25 @@ def test_a_bandwidth_beyond_half_of_the_rate_is_told(log):
 def test_the_spectra_are_drawn(log, tmp_path):
     """As the ending says; another ending is refused."""
     run(log, *UNTIMED, "--plot", str(tmp_path / "spectrum.svg"))
-    assert (tmp_path / "spectrum.svg").read_text(encoding="utf-8").startswith("<?xml")
+    drawn = (tmp_path / "spectrum.svg").read_text(encoding="utf-8")
+    assert drawn.startswith("<?xml")
+    assert "one-sided power spectral density" in drawn
     with pytest.raises(Refused, match=r"\.svg or \.png"):
         run(log, *UNTIMED, "--plot", str(tmp_path / "spectrum.pdf"))
+
+
+def test_a_short_axis_has_plain_numbers():
+    """20 and 30 between powers of ten where the axis is shorter than a decade; powers alone on a longer one."""
+    from matplotlib.figure import Figure  # noqa: PLC0415 - the drawing library takes long to load
+
+    from hil.cli.analyses.plots import _plain  # noqa: PLC0415 - the drawing library takes long to load
+
+    axes = Figure().add_subplot()
+    axes.set_yscale("log")
+    for top, told in ((60.0, "20"), (6000.0, "")):
+        axes.set_ylim(8.0, top)
+        _plain(axes)
+        assert axes.yaxis.get_minor_formatter().format_ticks([20.0]) == [told]
 
 
 def test_a_density_in_a_unit_of_something_else_is_refused():

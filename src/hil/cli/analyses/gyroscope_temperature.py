@@ -134,9 +134,9 @@ def gyroscope_temperature(  # noqa: PLR0913 - one argument per option
         its = report.calibration
         write_exports((export, interchange.as_json(its)), (c_header, interchange.as_c_header(its)))
     if plot is not None:
-        from hil.cli.analyses.plots import draw_gyroscope  # noqa: PLC0415 - matplotlib is slow to import
+        from hil.cli.analyses.gyroscope_plot import draw  # noqa: PLC0415 - matplotlib is slow to import
 
-        draw_gyroscope(plot, report)
+        draw(plot, report)
     text = gyroscope_text.as_json if as_json else gyroscope_text.as_text
     click.echo(text(str(file), len(readings), report, gates))
     return int(doubted)

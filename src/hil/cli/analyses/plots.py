@@ -12,7 +12,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.dates import ConciseDateFormatter, date2num
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import LogFormatter, MaxNLocator
 
 from hil.analysis.battery.half_cycle import flow
 from hil.analysis.battery.integration import cumulative
@@ -20,26 +20,25 @@ from hil.analysis.battery.series import SECONDS_PER_HOUR, Series
 from hil.analysis.battery.steps import Segmentation, StepKind, segment
 from hil.analysis.battery.summary import Summary, incremental_capacities
 from hil.analysis.drift import Drift
-from hil.analysis.gyroscope.calibrate import CalibrationReport
-from hil.analysis.gyroscope.fitting import Fit
 from hil.audit.trend import Point, Trend
 from hil.cli.analyses import psd_text
 from hil.cli.analyses.allan_text import NAMES, Axis, called
 from hil.clock.wall import moment_of
 from hil.model.errors import Refused
 
-__all__ = ["COLOURS", "draw_allan", "draw_battery", "draw_drift", "draw_gyroscope", "draw_psd", "draw_trend", "save"]
+__all__ = ["COLOURS", "MARKS", "draw_allan", "draw_battery", "draw_drift", "draw_psd", "draw_trend", "save"]
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
 """Colours that all eyes tell apart (Okabe and Ito)."""
 
-_MARKS = ("o", "s", "^", "D", "v", "P")
+MARKS = ("o", "s", "^", "D", "v", "P")
 """Marks in the same order."""
 
 _MODELLED = ("overlapping", "total")  # the fitted Allan deviation is also what the total one expects
 _KINDS = (StepKind.CHARGE, StepKind.DISCHARGE)
 _MOST = 20  # curves of one kind; more are thinned out
 _POINTS = 2000  # of one curve
+_SHORT, _READABLE = 10.0, 1e4  # of an axis' ends, and numbers that are easily read
 _PANELS = 12  # of a trend, one below the other
 
 
@@ -88,22 +87,6 @@ def draw_drift(path: Path, unit: str, fragments: Sequence[Mapping[str, Drift]]) 
     if not any(each.time.size for axes in fragments for each in axes.values()):
         raise Refused(f"{path}: no fragment is long enough to draw", "see what the command says of each")
     save(path, lambda: _drift(unit, fragments))
-
-
-def draw_gyroscope(path: Path, report: CalibrationReport) -> None:
-    """Draw bias and, where it was measured, scale of all axes over temperature.
-
-    Args:
-        path: what to write; its ending, .svg or .png, says the format.
-        report: what to draw.
-
-    Raises:
-        Refused: another ending, or a file that cannot be written.
-    """
-    parts = [("bias", report.calibration.unit, report.bias)]
-    if report.scale:
-        parts.append(("scale", "1", report.scale))
-    save(path, lambda: _gyroscope(parts))
 
 
 def draw_psd(path: Path, axes: Sequence[psd_text.Axis]) -> None:
@@ -179,7 +162,7 @@ def _series(axes: Axes, found: Trend, units: Sequence[str]) -> None:
             np.array([moment_of(point.run.began) for point in own]),
             np.array([point.value for point in own], dtype=float),
             yerr=[point.expanded or 0.0 for point in own],
-            fmt=_MARKS[number % len(_MARKS)],
+            fmt=MARKS[number % len(MARKS)],
             color=COLOURS[number % len(COLOURS)],
             markerfacecolor=COLOURS[number % len(COLOURS)] if hardware else "none",
             markersize=5,
@@ -205,22 +188,33 @@ def _allan(drawn: Sequence[Axis]) -> Figure:
         tau, deviation = curve.tau[seen], curve.deviation[seen]
         # With very few degrees of freedom and little confidence an interval may lie beside its estimate.
         reach = [(deviation - curve.low[seen]).clip(0.0), (curve.high[seen] - deviation).clip(0.0)]
-        mark = _MARKS[place % len(_MARKS)]
+        mark = MARKS[place % len(MARKS)]
         axes.errorbar(
             tau, deviation, yerr=reach, fmt=mark, color=colour, markersize=4, capsize=2, label=called(axis.name)
         )
         if axis.model.fitted.size and curve.estimator in _MODELLED:
-            axes.plot(axis.model.curve.tau, axis.model.fitted, color=colour, linewidth=1)
+            fitted = axis.model.curve.tau >= axis.model.tau_min * (1.0 - 1e-9)
+            for part, line in ((fitted, "-"), (~fitted | (np.cumsum(fitted) == 1), ":")):
+                axes.plot(axis.model.curve.tau[part], axis.model.fitted[part], line, color=colour, linewidth=1)
     curve = drawn[0].curve
-    lines = ", lines: fitted noise" if curve.estimator in _MODELLED else ""
+    lines = ", lines: fitted noise, dotted where not fitted" if curve.estimator in _MODELLED else ""
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.set_xlabel("averaging time [s]")
     axes.set_ylabel(f"{NAMES[curve.estimator]} deviation [{curve.unit}]")
     axes.set_title(f"bars: {curve.confidence:.4g} confidence{lines}", fontsize="small", loc="right")
     axes.grid(visible=True, which="both", color="#dddddd", linewidth=0.5)
+    _plain(axes)
     axes.legend()
     return figure
+
+
+def _plain(axes: Axes) -> None:
+    """Label a short logarithmic axis with plain numbers: 20, 30 instead of 2 x 10^1, 3 x 10^1."""
+    low, high = axes.get_ylim()
+    if high < _SHORT * low and low > 1.0 / _READABLE and high < _READABLE:
+        axes.yaxis.set_major_formatter(LogFormatter())
+        axes.yaxis.set_minor_formatter(LogFormatter())
 
 
 def _psd(drawn: Sequence[psd_text.Axis]) -> Figure:
@@ -231,7 +225,7 @@ def _psd(drawn: Sequence[psd_text.Axis]) -> Figure:
         few = slice(1, -1, max(whole.density.size // (5 * _POINTS), 1))
         axes.plot(whole.frequency[few], whole.density[few], color=colour, linewidth=0.4, alpha=0.4)
         axes.fill_between(bands.frequency, bands.low, bands.high, color=colour, alpha=0.3, linewidth=0)
-        mark = _MARKS[place % len(_MARKS)]
+        mark = MARKS[place % len(MARKS)]
         axes.plot(bands.frequency, bands.density, mark, color=colour, markersize=3, label=called(axis.name))
         axes.plot(bands.frequency, bands.fitted, color=colour, linewidth=1)
         for line in axis.noise.lines:
@@ -247,6 +241,7 @@ def _psd(drawn: Sequence[psd_text.Axis]) -> Figure:
         fontsize="small", loc="right",
     )  # fmt: skip
     axes.grid(visible=True, which="both", color="#dddddd", linewidth=0.5)
+    _plain(axes)
     axes.legend()
     return figure
 
@@ -309,7 +304,7 @@ def _over_cycles(axes: Axes, summary: Summary, quantity: str, fading: str) -> No
             label = kind.value if own else f"{kind.value}, incomplete"
             if drawn.size:
                 axes.plot(
-                    *drawn.T, _MARKS[number], color=COLOURS[number], markerfacecolor=fill, markersize=4, label=label
+                    *drawn.T, MARKS[number], color=COLOURS[number], markerfacecolor=fill, markersize=4, label=label
                 )
     line = summary.fades.get(fading)
     if line is not None:
@@ -326,7 +321,7 @@ def _efficiencies(axes: Axes, summary: Summary) -> None:
         rows = [(each.number, getattr(each, f"{name}_efficiency")) for each in summary.compared]
         drawn = np.array([row for row in rows if np.isfinite(row[1])]).reshape(-1, 2)
         if drawn.size:
-            axes.plot(*drawn.T, _MARKS[number], color=COLOURS[number], markersize=4, label=name)
+            axes.plot(*drawn.T, MARKS[number], color=COLOURS[number], markersize=4, label=name)
             axes.legend(fontsize="small")
 
 
@@ -335,7 +330,7 @@ def _drift(unit: str, fragments: Sequence[Mapping[str, Drift]]) -> Figure:
     panels = np.atleast_1d(figure.subplots(len(fragments[0]), 1, sharex=True))
     for axes, name in zip(panels.tolist(), fragments[0], strict=True):
         for place, each in enumerate(found[name] for found in fragments):
-            mark, colour = _MARKS[place % len(_MARKS)], COLOURS[place % len(COLOURS)]
+            mark, colour = MARKS[place % len(MARKS)], COLOURS[place % len(COLOURS)]
             for chosen, fill in ((each.heating > 0, colour), (each.heating <= 0, "none")):
                 across, up = each.temperature[chosen], each.value[chosen]
                 axes.plot(across, up, mark, color=colour, markerfacecolor=fill, markersize=4)
@@ -348,30 +343,6 @@ def _drift(unit: str, fragments: Sequence[Mapping[str, Drift]]) -> Figure:
     panels[0].set_title("filled: heating; hollow: cooling or steady; lines: drift", fontsize="small", loc="right")
     panels[-1].set_xlabel("temperature [degC]")
     return figure
-
-
-def _gyroscope(parts: list[tuple[str, str, Mapping[str, Fit]]]) -> Figure:
-    figure = Figure(figsize=(7.0, 3.5 * len(parts)), dpi=120, layout="constrained")
-    for place, (what, unit, fits) in enumerate(parts):
-        axes = figure.add_subplot(len(parts), 1, place + 1)
-        for number, (name, fitted) in enumerate(fits.items()):
-            _line(axes, name, fitted, number)
-        axes.set_xlabel("temperature [degC]")
-        axes.set_ylabel(f"{what} [{unit}]")
-        axes.grid(visible=True, color="#dddddd", linewidth=0.5)
-        axes.legend()
-    return figure
-
-
-def _line(axes: Axes, name: str, fitted: Fit, number: int) -> None:
-    polynomial, colour = fitted.polynomial, COLOURS[number % len(COLOURS)]
-    axes.plot(fitted.temperature, fitted.value, _MARKS[number % len(_MARKS)], color=colour, markersize=4, label=name)
-    grid = np.linspace(polynomial.low, polynomial.high, 101)
-    axes.plot(grid, polynomial.at(grid), color=colour, linewidth=1)
-    if polynomial.covariance is not None:
-        spread = np.array([polynomial.figure(where).uncertainty for where in grid.tolist()])
-        middle = polynomial.at(grid)
-        axes.fill_between(grid, middle - spread, middle + spread, color=colour, alpha=0.2, linewidth=0)
 
 
 def save(path: Path, make: Callable[[], Figure]) -> None:
