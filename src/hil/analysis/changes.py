@@ -29,7 +29,7 @@ _LOUDER = 1.25  # times: noise that differs by less is one noise
 _SURE = 5.0  # standard deviations beyond which a difference is no chance
 _CUT = 4.0  # standard deviations beyond which a sample counts no more: a spike is no change of noise
 _TURNS = {2: "other", 3: "third", 4: "fourth", 5: "fifth", 6: "sixth"}  # sensors that may take turns in one column
-_ROUNDING = 1e-9  # of the value: what scatters less is no noise
+_ROUNDING = 1e-3  # of the scatter of the record: what is off by less is none
 _APART, _NO_CHANCE = 0.3, 8.0  # of the scatter that samples of one turn are off, and standard deviations of that
 _LEAST = 50  # counts whose bytes are looked at
 _WORDS = (8, 10, 12, 14, 16, 18, 20, 24, 32)  # bits of a count
@@ -130,10 +130,10 @@ def interleaved(channel: str, values: _Array) -> Gate:
         middles = rows.mean(axis=1)
         drift = (middles[-1] - middles[0]) / (len(looked) - 1) / turns
         off = rows - middles[:, None] - drift * (np.arange(turns) - (turns - 1) / 2.0)
-        means, scatter = off.mean(axis=0), off.std(axis=0)
-        usual = max(float(np.median(scatter)), _ROUNDING * float(np.abs(rows).max()))
-        if np.abs(means).max() > max(_APART, _NO_CHANCE / math.sqrt(len(rows))) * usual:
-            told = f"every {which} sample is off by {float(np.ptp(means)):.3g}"
+        means, scatter = np.abs(off.mean(axis=0)), off.std(axis=0)
+        apart = means > _APART * max(float(np.median(scatter)), _ROUNDING * float(rows.std()))
+        if (apart & (means * math.sqrt(len(rows)) > _NO_CHANCE * scatter)).any():
+            told = f"every {which} sample is off by {float(np.ptp(off.mean(axis=0))):.3g}"
             reason = f"{told}, as where several sensors take turns in one column: give each its own"
             return Gate(name=name, channel=channel, ok=False, reason=reason)
     return Gate(name=name, channel=channel, ok=True, reason="no sample differs by its turn")

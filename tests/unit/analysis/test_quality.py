@@ -379,3 +379,10 @@ def test_a_line_beside_a_part_of_the_rate_is_no_turn():
     noise_alone = np.random.default_rng(3).standard_normal(6000)
     assert interleaved("x", noise_alone + np.sin(2.0 * np.pi * 50.1 * time)).ok is True
     assert interleaved("x", time).ok is True
+
+
+def test_what_is_not_a_turn_is_no_turn():
+    """Samples that stand twice, and zeros that are lost at even distances, have gates of their own."""
+    noise_alone = np.random.default_rng(3).standard_normal(6000)
+    assert interleaved("x", np.repeat(noise_alone, 2) + np.arange(12_000) * 1e-4).ok is True
+    assert interleaved("x", np.where(np.arange(6000) % 200 == 7, 0.0, 50.0 + noise_alone)).ok is True
