@@ -20,7 +20,7 @@ LONGEST = 100
 """No unit is a longer text."""
 
 _WORD = r"[A-Za-zµμΩ°%]+"
-_FACTOR = rf"(?:sqrt\({_WORD}\)|√{_WORD}|{_WORD}(?:(?<!%)[²³])?)"
+_FACTOR = rf"(?:sqrt\({_WORD}\)|√{_WORD}|{_WORD}(?:(?<!%)(?:[²³]|(?:\^|\*\*)[23]))?)"
 _TIMES = r"(?:[*/]|(?<=[A-Za-z%°Ω)²³])[.·](?=[A-Za-zµμΩ°]))"
 _PRODUCT = re.compile(rf"(?:1/)?{_FACTOR}(?:{_TIMES}{_FACTOR})*")
 _NAME = re.compile(rf"sqrt\(({_WORD})|({_WORD})")

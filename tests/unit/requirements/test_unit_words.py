@@ -55,6 +55,7 @@ def test_whatever_is_called_a_product_is_one():
         for place in range(chance.randint(1, 3)):
             word = chance.choice(pool)
             made = [word, word, f"{word}²", f"{word}³", f"sqrt({word})", f"√{word}", f"{word}2", f"({word})"]
+            made += [f"{word}^2", f"{word}**3", f"{word}^4"]
             text += (chance.choice("/*.· ") if place else "") + chance.choice(made)
         if is_product(text):
             found += 1
@@ -62,13 +63,17 @@ def test_whatever_is_called_a_product_is_one():
     assert found > 30
 
 
-@pytest.mark.parametrize("text", ["", " ", "V//A", "V/", "sqrt(V", "sqrt(sqrt)", "%²", "mdegC", "k%", "V" * 101, "V2"])
+@pytest.mark.parametrize(
+    "text", ["", " ", "V//A", "V/", "sqrt(V", "sqrt(sqrt)", "%²", "mdegC", "k%", "V" * 101, "V2", "%^2", "V^22"]
+)
 def test_of_what_is_no_plain_product_nothing_is_said(text):
     """Pint, or the rule for what people write, has the last word."""
     assert not is_product(text)
 
 
-@pytest.mark.parametrize("text", ["V", "mA.s", "A².s", "deg/s/sqrt(Hz)", "uT/√Hz", "Wh/cycle", "1/s", "1", "%", "°/√h"])
+@pytest.mark.parametrize(
+    "text", ["V", "mA.s", "A².s", "deg/s/sqrt(Hz)", "uT/√Hz", "Wh/cycle", "1/s", "1", "%", "°/√h", "W/m^2", "V**2/Hz"]
+)
 def test_what_requirements_are_written_in_needs_no_pint(text):
     """A start pays for it only where a unit is made in another way."""
     assert is_product(text)
