@@ -17,7 +17,7 @@ from functools import cache, lru_cache
 from typing import TYPE_CHECKING, cast
 
 from hil.model.errors import HilError
-from hil.requirements.unit_words import DEFINITIONS, LONGEST, is_product, unit_word
+from hil.requirements.unit_words import DEFINITIONS, LONGEST, is_product, kind_of, unit_word
 
 if TYPE_CHECKING:
     import pint
@@ -81,8 +81,8 @@ def compatible(one: str, other: str) -> bool:
     Raises:
         UnitError: if one of them is not a unit.
     """
-    if (word := unit_word(one)) and (another := unit_word(other)):
-        return word.dimension == another.dimension and word.offset == another.offset
+    if (kind := kind_of(one)) and (another := kind_of(other)):
+        return kind == another
     first, second = _unit(one), _unit(other)
     return first.dimensionality == second.dimensionality and _is_offset(first) == _is_offset(second)
 
@@ -136,6 +136,9 @@ def same(one: str, other: str, differences: bool = False) -> bool:  # noqa: FBT0
     """
     if one == other:
         return True
+    kind, another = kind_of(one), kind_of(other)
+    if kind and another and kind[0] != another[0]:
+        return False
     try:
         return (differences or compatible(one, other)) and math.isclose(scale(one, other), 1.0, rel_tol=1e-12)
     except UnitError:
@@ -151,8 +154,11 @@ def scale(from_unit: str, to_unit: str) -> float:
     """
     if from_unit == to_unit and is_product(from_unit):
         return 1.0
-    if (word := unit_word(from_unit)) and (another := unit_word(to_unit)) and word.name == another.name:
-        return 1.0 if word.prefix == another.prefix else word.prefix * another.prefix**-1.0
+    if (word := unit_word(from_unit)) and (another := unit_word(to_unit)):
+        if word.name == another.name:
+            return 1.0 if word.prefix == another.prefix else word.prefix * another.prefix**-1.0
+        if not word.dimension and not another.dimension:
+            return float(word.size * another.size**-1.0)
     registry = _registry()
     first, second = _difference(_unit(from_unit)), _difference(_unit(to_unit))
     if first.dimensionality != second.dimensionality:

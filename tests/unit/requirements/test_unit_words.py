@@ -11,7 +11,7 @@ import pytest
 from sweeps import sample
 
 from hil.requirements import unit_words, units
-from hil.requirements.unit_words import is_product, unit_word
+from hil.requirements.unit_words import is_product, kind_of, unit_word
 
 
 @pytest.fixture(scope="module")
@@ -45,6 +45,15 @@ def test_prefixes_convert_to_the_last_bit_as_with_pint():
             assert units.scale(f"{one}{name}", f"{other}{name}") == expected
 
 
+def test_ratios_convert_to_the_last_bit_as_with_pint():
+    """They have no dimension, and no name in common."""
+    registry = units._registry()
+    ratios = [name for name, word in unit_words._definitions()[1].items() if not word.dimension]
+    assert {"1", "%", "ppm"} <= {*ratios}
+    for one, other in itertools.product(ratios, repeat=2):
+        assert units.scale(one, other) == units._factor(registry, units._unit(one), units._unit(other))
+
+
 def test_whatever_is_called_a_product_is_one():
     """What is no unit for pint is none here either, however it is put together."""
     chance = random.Random(1)
@@ -61,6 +70,29 @@ def test_whatever_is_called_a_product_is_one():
             found += 1
             assert units._unit(text) is not None
     assert found > 30
+
+
+def test_products_convert_where_pint_says_so():
+    """What a unit measures is found without pint, roots, powers and what cancels out included."""
+    chance = random.Random(2)
+    pool = ["V", "mA", "s", "Hz", "W", "h", "Wh", "J", "%", "deg", "K", "degC", "count"]
+    made = {"1", "W.h", "V.A.s", "V/√Hz", "V*s**0.5", "1/Hz", "deg/s", "m/s^2", "degC", "K", "degC/s", "K/s", "V.V/V"}
+    for _ in sample(range(400), 60):
+        text = chance.choice(["", "", "1/"])
+        for place in range(chance.randint(1, 3)):
+            word = chance.choice(pool)
+            forms = [word, word, f"{word}²", f"{word}^3", f"sqrt({word})", f"√{word}", f"{word}**2"]
+            text += (chance.choice("/*.·") if place else "") + chance.choice(forms)
+        made.add(text)
+    known = {text: units._unit(text) for text in made if kind_of(text)}
+    assert len(known) > 30
+    agreed = 0
+    for one, other in itertools.product(known, repeat=2):
+        alike = known[one].dimensionality == known[other].dimensionality
+        expected = alike and units._is_offset(known[one]) == units._is_offset(known[other])
+        assert units.compatible(one, other) == expected, (one, other)
+        agreed += expected and one != other
+    assert agreed > 10
 
 
 @pytest.mark.parametrize(
