@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import shutil
 import sys
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -45,6 +46,7 @@ _WITHOUT = {
 """Why there is no package, by exit code."""
 
 _FAILED, _INTERNAL = 1, 3
+_COLLECTED = 20_000, 20, 50  # allocations, and collections of the younger generations, between collections
 _SMALL = 1_000_000  # bytes of a journal that is derived again as a whole in less than half a second
 
 
@@ -142,13 +144,25 @@ def _run(
 ) -> int:
     auditing.begin()  # before drivers and the like of others are imported
     process = _RunProcess(opener, out, word, verbose=verbose)
+    with _rare_collections():
+        try:
+            configuration = configured()
+            require_unattended(configuration)
+            launched = launch(configuration, process.open)
+        except KeyboardInterrupt:
+            return _nothing(out, EXIT_INTERRUPTED)
+        return process.close(launched.code)
+
+
+@contextmanager
+def _rare_collections() -> Iterator[None]:
+    """Look for garbage in circles less often: a run makes little, and each look passes all that was loaded."""
+    before = gc.get_threshold()
+    gc.set_threshold(*_COLLECTED)
     try:
-        configuration = configured()
-        require_unattended(configuration)
-        launched = launch(configuration, process.open)
-    except KeyboardInterrupt:
-        return _nothing(out, EXIT_INTERRUPTED)
-    return process.close(launched.code)
+        yield
+    finally:
+        gc.set_threshold(*before)
 
 
 class _RunProcess:
