@@ -20,10 +20,10 @@ pytestmark = [
 ]
 
 
-def hil(*arguments):
+def hil(root, *arguments):
     """Run the command line; the last line of its output is what it made. A run that is not good is printed, too."""
     command = [sys.executable, "-m", "hil.cli", *arguments]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    done = subprocess.run(command, cwd=root, capture_output=True, text=True, check=False)
     assert done.returncode in {0, 1}, done.stdout[-2000:] + done.stderr[-2000:]
     return done.stdout.splitlines()[-1]
 
@@ -38,8 +38,11 @@ def hil(*arguments):
 )
 def test_a_report_fits_its_pages(tmp_path, run, most):
     """Equal steps and cases are folded, so that more cycles are no more pages; nothing is printed beside the page."""
-    folder = hil("run", *run, "--source", "simulated", "--output", str(tmp_path / "reports"))
+    for name in ("fixtures", "testplans"):  # a bench serves one run at a time, and several of these run at once
+        shutil.copytree(ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
+    (tmp_path / "hil.toml").touch()
+    folder = hil(tmp_path, "run", *run, "--source", "simulated")
     pdf = tmp_path / "report.pdf"
-    hil("report", folder, "--pdf", str(pdf))
+    hil(tmp_path, "report", folder, "--pdf", str(pdf))
     pages = re.findall(rb"/Type\s*/Page\b", pdf.read_bytes())
     assert 3 <= len(pages) <= most
