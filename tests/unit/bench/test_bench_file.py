@@ -78,7 +78,7 @@ CHANGES = [
     ((PSU_IDENTITY, ""), "TCPIP", "psu1 is on a network, where anything may answer: give it an identity with model"),
     ((PSU_IDENTITY, "    identity: {manufacturer: Keysight}\n"), "TCPIP", "psu1 is on a network"),
     # Instruments.
-    (("driver: lis3mdl", "driver: lis3mld"), "mag1:\n    d", "unknown driver 'lis3mld', did you mean 'lis3mdl'?"),
+    (("driver: lis3mdl", "driver: lis3mld"), "lis3mld", "unknown driver 'lis3mld', did you mean 'lis3mdl'?"),
     (("    bus: i2c1\n", "    port: /dev/x\n    bus: i2c1\n"), "mag1:\n", "mag1 needs either a port or a bus"),
     (("    bus: i2c1\n", ""), "mag1:\n", "mag1 needs either a port or a bus with an address"),
     (("bus: i2c1", "bus: i2c2"), "mag1:\n", "unknown bus 'i2c2', did you mean 'i2c1'?"),
@@ -155,7 +155,7 @@ CHANGES = [
         "mag1: the range begins at 500 uT and ends below, at 400; exchange from and to",
     ),
     # Wiring.
-    (("role: magnetometer", "role: magnetometre"), "{role: magnetometre", "did you mean 'magnetometer'?"),
+    (("role: magnetometer", "role: magnetometre"), "magnetometre", "did you mean 'magnetometer'?"),
     (("instrument: relay1", "instrument: relay2"), "{role: relays", "unknown instrument 'relay2', did you mean"),
     (("instance: sensor", "instance: coil"), '{role: supply, instance: coil, instrument: psu1, channel: "3"', "twice"),
     (("instance: sensor, ", ""), "{role: supply, instrument", "role 'supply' has several instances, so each needs"),
@@ -366,7 +366,7 @@ def test_all_findings_come_at_once_and_sorted(tmp_path):
         ("max_age: 5 s", "max_age: 1 s"),
         ("state: released", "state: relesed"),
     )
-    snippets = ["plaice", "mag1:", "{output: supply.coil, quantity: voltage", "{id: coil-c", "{output: relays"]
+    snippets = ["plaice", "lis3mld", "{output: supply.coil, quantity: voltage", "{id: coil-c", "{output: relays"]
     assert [line.split(": ")[0] for line in found(tmp_path)] == [place(text, snippet) for snippet in snippets]
 
 
@@ -588,6 +588,11 @@ def test_endless_values_are_short_findings(tmp_path, change):
         ),
         (("safe_off:\n", "safe_off: none\nxsafe:\n"), "'safe_off' must be a list"),
         (("safe_off:\n", "safe_of:\n"), "key 'safe_off' is missing"),
+        (
+            ("role: supply, instance: coil", "role: suply, instance: coil"),
+            "unknown role 'suply', did you mean 'supply'?",
+        ),
+        (("driver: keysight-e36300", "driver: keysight-e3630"), "unknown driver 'keysight-e3630', did you mean"),
     ],
 )
 def test_nothing_is_told_that_only_follows(tmp_path, change, message):

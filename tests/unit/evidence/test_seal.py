@@ -29,7 +29,14 @@ from hil.evidence.folder import JOURNAL, create, hold
 from hil.evidence.inbox import post
 from hil.evidence.journal.reader import UnknownFormat
 from hil.evidence.journal.writer import Journal
-from hil.evidence.package.bag import evidence_digest, inventory, manifest_text, read_manifest, write_manifests
+from hil.evidence.package.bag import (
+    evidence_digest,
+    inventory,
+    make_read_only,
+    manifest_text,
+    read_manifest,
+    write_manifests,
+)
 from hil.evidence.package.contents import Package
 from hil.evidence.package.sealing import recover, seal
 from hil.evidence.package.verification import State, verify
@@ -80,6 +87,18 @@ def test_a_sealed_run_verifies(folder):
         "bag-info.txt", "bagit.txt", "data", "manifest-sha256.txt", "tagmanifest-sha256.txt",
     ]  # fmt: skip
     assert all(not path.stat().st_mode & 0o222 for path in (folder, *folder.rglob("*")))
+
+
+def test_the_seal_opens_a_package_to_nobody(tmp_path):
+    """Who could not read a file before it was sealed cannot read it afterwards."""
+    folder = tmp_path / "package"
+    folder.mkdir(mode=0o750)
+    private, shared = folder / "private", folder / "shared"
+    for path, mode in ((private, 0o600), (shared, 0o664), (folder, 0o750)):
+        path.touch()
+        path.chmod(mode)
+    make_read_only(folder)
+    assert [path.stat().st_mode & 0o777 for path in (private, shared, folder)] == [0o400, 0o444, 0o550]
 
 
 def test_a_recording_that_a_resumed_run_began_again_is_sealed(folder):

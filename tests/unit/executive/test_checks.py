@@ -48,7 +48,9 @@ def test_what_the_catalogue_does_not_hold_is_refused(tmp_path, arguments, of, me
 def test_a_bare_number_has_no_unit(tmp_path, value):
     """Where a limit has a unit, a number without one is refused."""
     case = Case(tmp_path, "T-050", "T-010")
-    with pytest.raises(Misused, match="expected a number in V, found 5; give a Figure of one number and its unit"):
+    with pytest.raises(
+        Misused, match="expected a number in V, found 5 without a unit; give a Figure of one number and its unit"
+    ):
         case.run.check("T-050", "voltage", value)
 
 

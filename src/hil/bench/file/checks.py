@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Collection, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from hil.bench.file import cutting_checks, limit_checks, port_checks
 from hil.bench.file.complaints import Complaints, known, listed, named, usable
@@ -26,16 +26,32 @@ _KEY_OF_ENTRY = 3  # section, entry, key
 _HIGHEST_STATION = 247  # Modbus over serial line, section 2.2; no other line with addresses has more
 
 
-def check_bench(document: Document[BenchSpec], findings: Findings, *, driven: bool = True) -> None:
+def check_bench(document: Document[BenchSpec], findings: Findings, *, driven: bool = True) -> Document[BenchSpec]:
     """Add everything that does not fit together, and of a bench that is driven what keeps it from being driven.
 
-    What could not be read is blank, and was told: a check that relies on it waits until it can be read.
+    What could not be read is blank, and was told: a check that relies on it waits until it can be read, as one does
+    that relies on a driver or role that nothing offers.
+
+    Returns:
+        The document, with the places of such drivers and roles among what is wrong.
     """
+    unknown = tuple(_unknown(document.model))
+    for path, message in unknown:
+        findings.add(document.place(path), message)
+    document = replace(document, wrong=(*document.wrong, *(path for path, _ in unknown)))
     for check, relied_on in (*(_DRIVEN if driven else ()), *_CHECKS):
         if not any(_concerns(wrong, part) for wrong in document.wrong for part in relied_on):
             for path, message in check(document.model):
                 if not _follows(path, document.wrong):
                     findings.add(document.place(path), message)
+    return document
+
+
+def _unknown(spec: BenchSpec) -> Complaints:
+    for at, item in named(spec.instruments, "instruments"):
+        yield from known((*at, "driver"), "driver", item.driver, DRIVERS)
+    for at, wire in listed("wiring", spec.wiring):
+        yield from usable((*at, "role"), ROLES, wire.role)
 
 
 def _concerns(wrong: Path, part: str) -> bool:
@@ -65,7 +81,6 @@ def _names(spec: BenchSpec) -> Complaints:
 def _instruments(spec: BenchSpec) -> Complaints:
     buses = [bus.name for bus in spec.buses]
     for at, item in named(spec.instruments, "instruments"):
-        yield from known(at, "driver", item.driver, DRIVERS)
         if bool(item.port) == bool(item.bus):
             yield at, f"{item.name} needs either a port or a bus with an address"
         if item.bus:
@@ -219,7 +234,6 @@ def _wiring(spec: BenchSpec) -> Complaints:
     seen: set[str] = set()
     by_role: dict[str, set[str]] = {}
     for at, wire in listed("wiring", spec.wiring):
-        yield from usable(at, ROLES, wire.role)
         yield from known(at, "instrument", wire.instrument, [item.name for item in spec.instruments])
         if wire.role and wire.name in seen:
             yield at, f"{wire.name} is wired twice"

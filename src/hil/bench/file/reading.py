@@ -56,7 +56,7 @@ def load_bench(benches: Path, name: str, root: Path, *, driven: bool = True, twi
         found = len(findings)
         document = _with_register(document, benches.parent, root, findings)
         _check_name(document, path, findings)
-        check_bench(document, findings, driven=driven)
+        document = check_bench(document, findings, driven=driven)
         _check_certificates(document, path.parent, findings)
         twin(
             document, findings, all(wrong[:1] == ("simulated",) for wrong in document.wrong) and found == len(findings)

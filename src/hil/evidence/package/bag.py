@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import re
+import stat
 from collections.abc import Iterable, Mapping
 from pathlib import Path, PurePosixPath
 
@@ -36,6 +37,7 @@ __all__ = [
 ]
 
 DECLARATION = b"BagIt-Version: 1.0\nTag-File-Character-Encoding: UTF-8\n"
+_WRITE = stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH
 MANIFEST = "manifest-sha256.txt"
 TAG_MANIFEST = "tagmanifest-sha256.txt"
 INFO = "bag-info.txt"
@@ -149,13 +151,20 @@ def put_seal(folder: Path) -> None:
 
 
 def make_read_only(folder: Path) -> None:
-    """Take the right to write from everybody, files first and then their folders; links are left alone."""
+    """Take the right to write from everybody, files first and then their folders; links are left alone.
+
+    Who could not read it still cannot: a run under a umask such as 077 stays private.
+    """
     for root, _, names in os.walk(folder, topdown=False):
         for name in names:
             path = Path(root, name)
             if not path.is_symlink():
-                path.chmod(0o444)
-        Path(root).chmod(0o555)
+                _protect(path)
+        _protect(Path(root))
+
+
+def _protect(path: Path) -> None:
+    path.chmod(stat.S_IMODE(path.stat().st_mode) & ~_WRITE)
 
 
 def read_manifest(folder: Path, name: str) -> tuple[dict[str, str], list[Finding]]:

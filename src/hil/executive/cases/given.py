@@ -37,9 +37,10 @@ def given(value: object, limit: Limit, what: str) -> Figure | str:
         raise Misused(f"{what}: expected {expected}, found {_named(value)}", _HINT)
     number = _number(value, what)
     if limit.unit != "1":
-        raise Misused(
-            f"{what}: expected {f'a number in {limit.unit}' if limit.unit else 'a text'}, found {number:g}", _HINT
+        expected, found = (
+            (f"a number in {limit.unit}", f"{number:g} without a unit") if limit.unit else ("a text", f"{number:g}")
         )
+        raise Misused(f"{what}: expected {expected}, found {found}", _HINT)
     return Figure(value=number, unit="1")
 
 
