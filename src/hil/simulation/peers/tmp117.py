@@ -19,6 +19,7 @@ from hil.simulation.faults import Fault
 from hil.simulation.peers.model import PeerModel, PeerSetup
 from hil.simulation.peers.sensors.chip import Datasheet, Fitted, OtherIdentity, SensorPeer
 from hil.simulation.plants.terminal import SignalPoint
+from hil.wire.checkpoint import Kept
 
 __all__ = ["MODEL", "EepromBusy", "NoiseTruth", "Tmp117", "build"]
 
@@ -68,7 +69,8 @@ class Tmp117(SensorPeer):
         follows={register: register for register in range(0x80)},
         width=2,
     )
-    kept: ClassVar[tuple[str, ...]] = ("_start_ns", "_told")
+    _start_ns: Kept[int]
+    _told: Kept[int]
 
     def __init__(self, fitted: Fitted, temperature: SignalPoint | None, noise: float, stream: RandomStream) -> None:
         super().__init__(fitted)

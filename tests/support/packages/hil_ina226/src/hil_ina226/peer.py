@@ -16,6 +16,7 @@ from hil.simulation.faults import Fault
 from hil.simulation.peers.model import PeerModel, PeerSetup
 from hil.simulation.peers.sensors.chip import Datasheet, Fitted, OtherIdentity, SensorPeer
 from hil.simulation.plants.terminal import SignalPoint
+from hil.wire.checkpoint import Kept
 
 __all__ = ["MODEL", "Ina226", "MonitorTruth", "Overflow", "build"]
 
@@ -60,7 +61,8 @@ class Ina226(SensorPeer):
         follows={register: register for register in range(0x100)},
         width=2,
     )
-    kept: ClassVar[tuple[str, ...]] = ("_start_ns", "_told")
+    _start_ns: Kept[int]
+    _told: Kept[int]
 
     def __init__(
         self,
