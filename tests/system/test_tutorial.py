@@ -86,6 +86,16 @@ def test_logs_are_analysed_as_told(page, tmp_path):
 
 @pytest.mark.system
 @pytest.mark.timeout(360)
+def test_a_solar_panel_is_measured_as_told(tmp_path):
+    """The curve with a simulated person, with a file and with nobody; the documents; a curve from a file."""
+    for name in ("fixtures", "testplans", "docs/data"):
+        shutil.copytree(ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / "pyproject.toml", tmp_path)
+    assert follow(steps_of(DOCS / "how-to" / "measure-a-solar-panel.md"), tmp_path) == ""
+
+
+@pytest.mark.system
+@pytest.mark.timeout(360)
 def test_recordings_are_exported_as_told(tmp_path):
     """The commands of the guide export the reference package, and show what the page shows."""
     shutil.copytree(ROOT / "reports" / "reference", tmp_path / "reports" / "reference")
