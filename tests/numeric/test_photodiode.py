@@ -139,3 +139,22 @@ def test_a_small_load_at_two_temperatures_tells_the_coefficient_from_the_gap():
         moved.append(high - low)
     assert moved[0] > 20.0 * abs(moved[1])
     assert abs(moved[1]) < 1e-5
+
+
+@pytest.mark.parametrize(("ideality", "kelvin"), [(1.0, 4.5), (2.0, 9.0)])
+def test_the_saturation_current_doubles_as_published(ideality, kelvin):
+    """In 4.5 K for n = 1, and in 9 K for n = 2, as silicon's generation current does: "twice in 10 K" of textbooks."""
+    diode = Diode(photocurrent=1e-5, coefficient=0.0, saturation=1e-9, ideality=ideality)
+    assert diode.saturation_at(25.0) == pytest.approx(1e-9)
+    warmer = 25.0 + kelvin
+    assert diode.saturation_at(warmer) == pytest.approx(2e-9, rel=0.03)
+    spice = (math.log(diode.saturation_at(warmer) / 1e-9)) * ideality  # XTI = 3 and EG, both over n
+    ratio = (warmer + 273.15) / 298.15
+    assert spice == pytest.approx(3.0 * math.log(ratio) + (ratio - 1.0) * 1.12 / (8.617333262e-5 * (warmer + 273.15)))
+
+
+def test_silicon_loses_two_millivolts_per_kelvin():
+    """At 0.6 V in constant light and without a load: -2 mV/K, as published of silicon cells and diodes."""
+    diode = Diode(photocurrent=1e-3, coefficient=0.0, saturation=1e-3 / math.expm1(0.6 / 0.0256926), ideality=1.0)
+    assert diode.voltage_of(1.0, 25.0, 1e12) == pytest.approx(0.6, abs=1e-5)
+    assert diode.sensitivity(1.0, 25.0, 1e12) == pytest.approx(-2.0e-3, abs=5e-5)

@@ -40,7 +40,7 @@ AROUND = 0.90
 """Of the largest power: from here on points count as around it."""
 
 _NEAR_SHORT, _NEAR_OPEN, _TO_KNEE = 0.2, 0.5, 0.9  # of open voltage, and of short-circuit current
-_BEYOND = 0.1  # of short-circuit current that may flow into the cell
+_BEYOND = 0.3  # of short-circuit current that may flow into the cell; the equation holds there, too
 _DEGREE = 5
 _FEWEST_SHORT, _FEWEST_OPEN, _FEWEST_KNEE, _FEWEST_SIDE = 3, 5, 8, 2
 
