@@ -15,6 +15,8 @@ FIGURES = (
     ("EPS-SOL-030", "series_resistance", "Series resistance"),
     ("EPS-SOL-030", "shunt_conductance", "Conductance of the shunt"),
 )
+CORRECTED = ("short_circuit_current", "open_circuit_voltage", "maximum_power", "fill_factor")
+"""The others are those of the panel as it was at the lamp."""
 COEFFICIENTS = {"alpha": "alpha", "beta": "beta", "kappa": "kappa", "light": "light", "resistance": "series_resistance"}
 COLUMNS = (
     Column("sweep"),
@@ -37,6 +39,28 @@ def rows_of(name, sweep):
     """Return what was measured, as rows of a table."""
     columns = (sweep.voltage, sweep.current, sweep.irradiance, sweep.temperature)
     return [(name, *(each.value for each in row)) for row in zip(*columns, strict=True)]
+
+
+def draw(own, forward, dark, chart):
+    """Draw current and power as measured and as corrected, with the maximum."""
+    volts, amperes = (forward.figures[f"{name}_at_maximum"] for name in ("voltage", "current"))
+    chart(
+        "Current-voltage curve",
+        Curve(name="at the lamp", x=list(own.voltage), y=list(own.current)),
+        Curve(name="corrected", x=list(forward.voltage), y=list(forward.current)),
+        Curve(name="maximum power, corrected", x=[volts], y=[amperes]),
+        Curve(name="dark", x=[dark[0]], y=[dark[1]]),
+        x=("voltage", "V"),
+        y=("current", "A"),
+    )
+    chart(
+        "Power",
+        Curve(name="at the lamp", x=list(own.voltage), y=list(own.voltage * own.current)),
+        Curve(name="corrected", x=list(forward.voltage), y=list(forward.voltage * forward.current)),
+        Curve(name="maximum, corrected", x=[volts], y=[forward.figures["maximum_power"]]),
+        x=("voltage", "V"),
+        y=("power", "W"),
+    )
 
 
 def loose_thermometer(warming, parameters):
@@ -63,7 +87,7 @@ def test_curve(
         solar.darken()
         electronic_load.constant_voltage(0.0)
         electronic_load.enable()
-        check("EPS-SOL-010", "irradiance", solar.irradiance(), headline="Irradiance in the dark")
+        check("EPS-SOL-010", "irradiance", solar.irradiance())
         check("EPS-SOL-010", "current", electronic_load.current())
         dark = (electronic_load.voltage(), electronic_load.current())
         cold = thermometer.panel.temperature()
@@ -87,7 +111,9 @@ def test_curve(
     )
     own = iv_curve(sweeps["forward"])
     curves = {name: iv_curve(sweep, conditions_of(parameters), facts) for name, sweep in sweeps.items()}
+    stated = f"{parameters.irradiance:g} W/m^2 and {parameters.temperature:g} degC"
     for name, curve in curves.items():
+        measured = f"{curve.irradiance:.0f} W/m^2 and {curve.temperature:.1f} degC at the lamp"
         for requirement, parameter, headline in FIGURES:
             check(
                 requirement,
@@ -95,22 +121,12 @@ def test_curve(
                 curve.figures[parameter],
                 of=name,
                 doubts=[*curve.doubts, *loose],
-                at=f"{name}, {curve.irradiance:.0f} W/m^2 and {curve.temperature:.1f} degC at the lamp",
+                at=f"{name}, {stated if parameter in CORRECTED else measured}",
                 headline=headline if name == "forward" else "",
             )
     for name, other in (("hysteresis", "reverse"), ("repetition", "repeat")):
         difference = curve_difference(curves["forward"], curves[other], "maximum_power")
         check("EPS-SOL-040", "power_difference", difference, of=name, doubts=curves[other].doubts)
-    forward = curves["forward"]
-    peak = forward.figures["voltage_at_maximum"], forward.figures["current_at_maximum"]
-    chart(
-        "Current-voltage curve",
-        Curve(name="at the lamp", x=list(own.voltage), y=list(own.current)),
-        Curve(name="corrected", x=list(forward.voltage), y=list(forward.current)),
-        Curve(name="maximum power, corrected", x=[peak[0]], y=[peak[1]]),
-        Curve(name="dark", x=[dark[0]], y=[dark[1]]),
-        x=("voltage", "V"),
-        y=("current", "A"),
-    )
+    draw(own, curves["forward"], dark, chart)
     rows = [row for name, sweep in sweeps.items() for row in rows_of(name, sweep)]
     artifact("current-voltage.csv", as_csv(COLUMNS, rows))

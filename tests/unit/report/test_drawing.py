@@ -161,6 +161,12 @@ def test_ticks_are_round(low, high, labels):
     assert [label for _, label in found] == labels
 
 
+@pytest.mark.parametrize(("low", "high"), [(-0.49, 0.49), (-0.31, 0.52), (0.9, 2.1), (0.0, 0.99)])
+def test_an_axis_has_two_ticks_at_least(low, high):
+    """Also where three are room enough: one alone shows no scale."""
+    assert 2 <= len(Scale(low=low, high=high, first=0, last=100).ticks(3)) <= 6
+
+
 def test_powers_of_ten_go_to_the_title():
     """Small and large numbers leave their power of ten to the axis' title."""
     assert Scale(low=1.2e-5, high=3.1e-5, first=0, last=1).titled("deg/s") == "(10⁻⁶ deg/s)"

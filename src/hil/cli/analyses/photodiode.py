@@ -188,19 +188,23 @@ def _draw(path: Path, readings: tuple[Array, Array, Array], report: PhotodiodeRe
     from hil.cli.analyses.plots import COLOURS, save  # noqa: PLC0415 - slow to import
 
     volts, degrees, ohms = readings
+    grid = np.linspace(degrees.min(), degrees.max(), 101)
 
     def drawn() -> Figure:
         figure = Figure(figsize=(7.0, 6.0), dpi=120, layout="constrained")
         above, below = figure.subplots(2, 1, sharex=True)
         for place, load in enumerate(np.unique(ohms).tolist()):
             here, colour = ohms == load, COLOURS[place % len(COLOURS)]
-            above.plot(degrees[here], volts[here] * 1e3, ".", color=colour, markersize=2, label=f"{load:.6g} ohm")
+            above.plot(degrees[here], volts[here] * 1e3, ".", color=colour, markersize=3, label=f"{load:.6g} ohm")
+            if report.conclusive:
+                model = report.diode.voltage_of(1.0, grid, load)
+                above.plot(grid, model * 1e3, color=colour, linewidth=0.8)
             below.plot(degrees[here], report.residual[here] * 1e3, ".", color=colour, markersize=2)
-        above.set_ylabel("reading [mV]")
+        above.set(ylabel="reading [mV]", title="readings; lines are the model in the mean light")
         below.set(xlabel="temperature [degC]", ylabel="residual [mV]")
         for axes in (above, below):
             axes.grid(visible=True, color="#dddddd", linewidth=0.5)
-        above.legend()
+        figure.legend(*above.get_legend_handles_labels(), loc="outside upper center", ncols=4)
         return figure
 
     save(path, drawn)

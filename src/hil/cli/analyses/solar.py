@@ -76,7 +76,7 @@ def solar(*, file: Path, plot: Path | None, export: Path | None, as_json: bool, 
         columns = (Column("voltage", "V", ".6g"), Column("current", "A", ".6g"))
         write_exports((export, as_csv(columns, zip(curve.voltage.tolist(), curve.current.tolist(), strict=True))))
     if plot is not None:
-        _draw(plot, curve, measured)
+        _draw(plot, curve, measured, asked["to"])
     said = f"{file}: {len(curve.voltage)} points" + (
         ", corrected to {:g} W/m^2 and {:g} degC by procedure ".format(*asked["to"]) + asked["procedure"]
         if asked["to"]
@@ -160,7 +160,7 @@ def _lines(said: str, curve: IvCurve, gates: tuple[Gate, ...], remarks: tuple[st
     return lines
 
 
-def _draw(path: Path, curve: IvCurve, measured: _Columns) -> None:
+def _draw(path: Path, curve: IvCurve, measured: _Columns, to: tuple[float, float] | None) -> None:
     from matplotlib.figure import Figure  # noqa: PLC0415 - slow to import
 
     from hil.cli.analyses.plots import COLOURS, save  # noqa: PLC0415 - slow to import
@@ -169,7 +169,8 @@ def _draw(path: Path, curve: IvCurve, measured: _Columns) -> None:
         figure = Figure(figsize=(7.0, 4.5), dpi=120, layout="constrained")
         axes = figure.subplots()
         axes.plot(measured["voltage"], measured["current"], "x", color=COLOURS[1], markersize=4, label="measured")
-        axes.plot(curve.voltage, curve.current, ".-", color=COLOURS[0], markersize=4, label="corrected")
+        shown = "corrected to {:g} W/m^2, {:g} degC".format(*to) if to else "used"
+        axes.plot(curve.voltage, curve.current, ".-", color=COLOURS[0], markersize=4, label=shown)
         peak = [curve.figures[f"{name}_at_maximum"].value for name in ("voltage", "current")]
         axes.plot(peak[:1], peak[1:], "o", color=COLOURS[2], label="maximum power")
         axes.set(xlabel="voltage [V]", ylabel="current [A]")

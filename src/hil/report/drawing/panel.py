@@ -142,12 +142,16 @@ class Scale:
         return 0 if -3 <= size < 6 else 3 * (size // 3)
 
     def ticks(self, most: int) -> list[tuple[float, str]]:
-        """Return at most about `most` round values within the axis, each with its label."""
+        """Return at most about `most` round values within the axis, and two at least, each with its label."""
         low, high = Decimal(repr(self.low)), Decimal(repr(self.high))
         rough = _EXACT.divide(high - low, Decimal(most))
-        step = next(size for size in (Decimal(digit).scaleb(rough.adjusted()) for digit in _ROUND) if size >= rough)
-        first = int(_EXACT.divide(low, step).to_integral_value(ROUND_CEILING))
-        last = int(_EXACT.divide(high, step).to_integral_value(ROUND_FLOOR))
+        sizes = [Decimal(digit).scaleb(rough.adjusted()) for digit in _ROUND]
+        wider = next(place for place, size in enumerate(sizes) if size >= rough)
+        for step in (sizes[wider], sizes[wider - 1] if wider else sizes[0] / 2):
+            first = int(_EXACT.divide(low, step).to_integral_value(ROUND_CEILING))
+            last = int(_EXACT.divide(high, step).to_integral_value(ROUND_FLOOR))
+            if last > first:  # one value alone shows no scale
+                break
         places = max(0, self.exponent - step.adjusted())
         found = (_EXACT.multiply(step, Decimal(number)) for number in range(first, last + 1))
         return [(float(value), f"{_EXACT.scaleb(value, -self.exponent):.{places}f}") for value in found]
