@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 from given_files import PNG, TEXT
 from workspaces import make
 
+from hil.documents.node import Place
 from hil.executive.people.questions import Question
+from hil.executive.people.witnesses import Witnesses
 from hil.executive.setup.configuration import configure
 from hil.model.errors import ConfigurationError, Refused
 from hil.plugin.launch import launch
-from hil.plugin.plans.prompts import Attended, Foreseen, foreseen, require_answers
+from hil.plugin.plans.prompts import Attended, Foreseen, foreseen, require_answers, require_witness_points
+from hil.registers.signers import HeldRole, Signer, Signers
 
 CASES = """
 import pytest
@@ -46,13 +50,21 @@ def test_asking(operator, check, jig):
     jig.close()
     operator.attach("A photo of the jig", name="photo", accepts=("picture",), witness="quality")
     operator.choose("Where is it?", ["here", "there"], name=PLACE)
+    operator.witness("quality", "The wiring is as drawn", name="wiring")
     check("T-050", "voltage", operator.measure("Read the voltmeter", "V", name="voltmeter", uncertainty=0.01))
 
 
 def test_turning(operator):
     turn(operator, "x")
 """
-WHOLE = {"jig-closed": '"yes"', "photo": "jig.png", "bench-place": "here", "voltmeter": '"4.98"', "turned-x": '"yes"'}
+WHOLE = {
+    "jig-closed": '"yes"',
+    "photo": "jig.png",
+    "bench-place": "here",
+    "wiring": '"yes"',
+    "voltmeter": '"4.98"',
+    "turned-x": '"yes"',
+}
 
 
 @pytest.fixture(scope="module")
@@ -83,7 +95,7 @@ def answers(folder, witness="Quinn", **changed):
     path = folder / "answers.yaml"
     given = {name.replace("_", "-"): value for name, value in changed.items()}
     lines = [f"  {name}: {value}" for name, value in {**WHOLE, **given}.items() if value is not None]
-    told = f"witnesses: {{photo: {witness}}}" if witness else ""
+    told = f"witnesses: {{photo: {witness or 'Quinn'}, wiring: Quinn}}" if witness else "witnesses: {wiring: Quinn}"
     path.write_text("\n".join(["schema: hil/answers/1", "by: Ada", "answers:", *lines, told, ""]))
     return path
 
@@ -94,12 +106,16 @@ KNOWN = frozenset({"bench-place", "voltmeter", "turned-x"})
 SIMULATED = Attended(terminal=True, simulated=KNOWN, safety=False)
 
 
-def required(cases, file, attended=NOBODY, operator="Olga"):
+NO_REGISTER = Signers(people=(), folder=Path())
+
+
+def required(cases, file, attended=NOBODY, operator="Olga", signers=NO_REGISTER):
     """Require answers of all cases, and return what is wrong, each with its place."""
     asked = [each for its in cases.values() for each in its]
-    request = SimpleNamespace(answers=file, operator=operator)
+    request = SimpleNamespace(answers=file)
+    witnesses = Witnesses(operator, lambda: signers, lambda: "2026-06-01")
     try:
-        require_answers(asked, asked, request, attended, lambda path: path.name)
+        require_answers(asked, asked, request, attended, witnesses, lambda path: path.name)
     except ConfigurationError as error:
         return [str(finding) for finding in error.findings]
     return []
@@ -109,7 +125,7 @@ def test_every_question_of_a_case_is_foreseen(cases):
     """Its own, those of its fixtures and of what they call; of a class only methods that somebody names."""
     told = {name: sorted(each.name or each.pattern.pattern for each in its) for name, its in cases.items()}
     assert told == {
-        "test_asking": ["bench-place", "jig-closed", "photo", "voltmeter"],
+        "test_asking": ["bench-place", "jig-closed", "photo", "voltmeter", "wiring"],
         "test_turning": [r"turned\-.*"],
     }
     [photo] = [each for each in cases["test_asking"] if each.name == "photo"]
@@ -129,7 +145,7 @@ def test_whole_answers_are_enough(workspace, cases):
         ({"photo": None}, "answers.yaml: no answer to 'photo' (testplans/"),
         ({"jig_closed": None}, "no answer to 'jig-closed' (testplans/"),
         ({"turned_x": None}, "no answer to a question named turned-... (testplans/"),
-        ({"fotos": "jig.png"}, "answers.yaml:9:10: no case asks 'fotos', did you mean 'photo'?"),
+        ({"fotos": "jig.png"}, "answers.yaml:10:10: no case asks 'fotos', did you mean 'photo'?"),
         ({"photo": "missing.png"}, "missing.png: there is no such file; check its path"),
         ({"photo": "notes.txt"}, "answers.yaml:5:10: 'photo': "),
         ({"photo": "."}, "this is a folder; give one file"),
@@ -173,6 +189,74 @@ def test_the_simulated_person_answers_what_the_bench_file_maps(cases, name, told
     assert "'bench-place'" not in str(caught.value)
 
 
+QUALITY = HeldRole(role="quality", since="2026-01-01", until="2026-12-31")
+PEOPLE = Signers(
+    people=(
+        Signer(principal="ada@x", name="Ada Lovelace", also=("Ada", "AL"), roles=(QUALITY,)),
+        Signer(principal="quinn@x", name="Quinn", roles=(QUALITY,)),
+        Signer(principal="bo@x", name="Bo", roles=(HeldRole(role="quality", since="2026-06-02"),)),
+    ),
+    folder=Path(),
+)
+
+
+@pytest.mark.parametrize(
+    ("witness", "message"),
+    [
+        ("quinn@x", ""),
+        ("Al", "Al cannot witness an own answer"),
+        ("ada@x", "ada@x cannot witness an own answer"),
+        ("Rita", "Rita is not in fixtures/signers.yaml; name another person under witnesses"),
+        ("Bo", "by fixtures/signers.yaml, Bo has neither this role on 2026-06-01 nor this name"),
+    ],
+)
+def test_a_register_says_who_may_witness(workspace, cases, witness, message):
+    """Nobody is two persons by another of their names, and a role counts on the day of the run."""
+    wrong = required(cases, answers(workspace.root, witness=witness), operator="", signers=PEOPLE)
+    assert len(wrong) == bool(message), wrong
+    assert message in "".join(wrong)
+
+
+def test_a_role_that_nobody_has_is_told_with_its_place(workspace, cases):
+    """Before anything is opened, where persons answer; the simulated witness needs no role."""
+    nobody = Signers(people=(Signer(principal="quinn@x", name="Quinn"),), folder=Path())
+    wrong = required(cases, None, PERSON, signers=nobody)
+    assert len(wrong) == 2, wrong
+    assert wrong[0].startswith("testplans/")
+    assert wrong[0].endswith(
+        ": 'photo' needs a witness (quality), and nobody in fixtures/signers.yaml has this role on 2026-06-01, or this"
+        " name"
+    )
+    assert required(cases, answers(workspace.root, witness="Quinn"), SIMULATED, signers=PEOPLE) == []
+
+
+@pytest.mark.parametrize(
+    ("asked", "fields", "message"),
+    [
+        (("quality",), {"witness": "Quality "}, ""),
+        (("quality",), {"independent": True}, ""),
+        (("somebody",), {"witness": "quality"}, ""),
+        (("technician", ""), {"witness": "quality"}, "T-050 needs a witness (quality), and no question of its cases"),
+        (("",), {"independent": True}, "T-050 needs a witness (somebody), and no question of its cases"),
+        ((), {}, ""),
+    ],
+)
+def test_a_witness_of_a_requirement_is_asked_for_by_its_cases(asked, fields, message):
+    """Or the run for qualification or acceptance is refused; one whose name is computed may be the right one."""
+    told = {"witness": "", "independent": False, "place": Place(path="testplans/x/requirements.yaml", line=3, column=5)}
+    catalogue = SimpleNamespace(requirement=lambda _: SimpleNamespace(**told | fields))
+    found = [SimpleNamespace(question=Question(name="q", form="confirm", text="", witness=each)) for each in asked]
+    run = [(SimpleNamespace(requirements=("T-050",)), found)]
+    if not message:
+        require_witness_points(catalogue, run)
+        return
+    with pytest.raises(ConfigurationError) as caught:
+        require_witness_points(catalogue, run)
+    assert message in str(caught.value)
+    assert "testplans/x/requirements.yaml:3:5" in str(caught.value)
+    assert "add operator.witness('" in str(caught.value)
+
+
 def test_a_safety_confirmation_needs_a_person_whatever_a_file_says():
     """On a bench outside the process; a terminal is enough."""
     safety = Foreseen(
@@ -184,9 +268,10 @@ def test_a_safety_confirmation_needs_a_person_whatever_a_file_says():
     )
     for terminal in (True, False):
         attended = Attended(terminal=terminal, simulated=None, safety=True)
-        request = SimpleNamespace(answers=None, operator="")
+        request = SimpleNamespace(answers=None)
+        witnesses = Witnesses("", lambda: NO_REGISTER, lambda: "2026-06-01")
         if terminal:
-            require_answers([safety], [safety], request, attended, str)
+            require_answers([safety], [safety], request, attended, witnesses, str)
         else:
             with pytest.raises(Refused, match="is a safety confirmation: a person gives it live"):
-                require_answers([safety], [safety], request, attended, str)
+                require_answers([safety], [safety], request, attended, witnesses, str)

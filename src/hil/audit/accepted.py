@@ -263,7 +263,12 @@ def _approvals(item: Filing, role: str, approvals: Iterable[Approval]) -> Iterat
 
 def _counting(each: _Shown, asked: Asked) -> Approval | None:
     """Return the approval by which a verification counts, which may have to be somebody else's than its author's."""
-    return next((it for it in each.approvals if not (asked.independent and it.own)), None)
+    return next((it for it in _afterwards(each) if not (asked.independent and it.own)), None)
+
+
+def _afterwards(each: _Shown) -> tuple[Approval, ...]:
+    """Return the approvals from the day of a verification on: nobody approves what is not done yet."""
+    return tuple(it for it in each.approvals if it.utc[:10] >= each.item.date)
 
 
 def _not_shown(each: _Shown, asked: Asked, world: World) -> Iterator[tuple[Code, str]]:
@@ -273,14 +278,15 @@ def _not_shown(each: _Shown, asked: Asked, world: World) -> Iterator[tuple[Code,
         yield Code.NO_VERDICT, f"its verdict is {item.verdict}"
     if item.method != asked.method:
         yield Code.NOT_ELIGIBLE, f"it was made by {item.method}, and the requirement is verified by {asked.method}"
-    if asked.witness and not item.witness:
-        yield Code.NOT_ELIGIBLE, f"the requirement asks for a witness ({asked.witness}), and it names none"
+    yield from ((Code.NOT_ELIGIBLE, problem) for problem in _of_witness(item, asked, world))
     if (item.rev, item.fingerprint) != (asked.rev, asked.fingerprint):
         was, now = f"rev {item.rev} ({item.fingerprint[:8]})", f"rev {asked.rev} ({asked.fingerprint[:8]})"
         yield Code.SUSPECT_REQ, f"it is for {was} of the requirement, which is now {now}"
     yield from _of_documents(item, world)
     if not each.approvals:
         yield Code.AWAITING_APPROVAL, f"nobody has approved it as it is now, in the role {VERIFIES}"
+    elif not _afterwards(each):
+        yield Code.AWAITING_APPROVAL, f"it was approved before {item.date}, when it was not done"
     elif _counting(each, asked) is None:
         yield (
             Code.AWAITING_APPROVAL,
@@ -290,11 +296,30 @@ def _not_shown(each: _Shown, asked: Asked, world: World) -> Iterator[tuple[Code,
     yield from _of_units(item, asked, world)
 
 
+def _of_witness(item: Verification, asked: Asked, world: World) -> Iterator[str]:
+    """Say why nobody witnessed a verification as its requirement asks, by the roles of the register of signers."""
+    if asked.witness and not item.witness:
+        yield f"the requirement asks for a witness ({asked.witness}), and it names none"
+    people = world.filed.people if item.witness else ()
+    found = next((each for each in people if each.is_called(item.witness)), None)
+    if found is not None and found.is_called(item.by):
+        yield f"{item.witness} is {item.by}, who made it, and cannot be its witness"
+    elif people and found is None:
+        yield f"its witness, {item.witness}, is not in the register of signers"
+    elif found is not None and asked.witness and not found.stands_for(asked.witness, item.date):
+        told = f"the requirement asks for a witness ({asked.witness})"
+        yield f"{told}, and {item.witness} has neither this role on {item.date} nor this name"
+
+
 def _of_documents(item: Verification, world: World) -> Iterator[tuple[Code, str]]:
     for document in item.documents:
         there = world.filed.documents.get(document.file, "")
         if there != document.sha256:
-            told = f"has another content now, SHA-256 {there[:8]}" if there else "is not there"
+            told = (
+                f"has another content now, SHA-256 {there[:8]}"
+                if there
+                else "is not there, as a file below the folder of fixtures"
+            )
             yield Code.INTEGRITY, f"{document.file} {told}; it was made with {document.sha256[:8]}"
 
 

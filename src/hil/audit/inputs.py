@@ -12,6 +12,7 @@ from hil.evidence.ledger.entries import Entry
 from hil.model.identity import Dut, UnitEvent
 from hil.registers.instruments import RegisteredInstrument
 from hil.registers.nonconformances import Nonconformance, Records, Verification
+from hil.registers.signers import Signer
 from hil.requirements.carried import CarryingCase
 
 __all__ = [
@@ -226,6 +227,7 @@ class Filed:
         shown: every verification that the ledger has, likewise.
         documents: SHA-256 of every document that a verification names, by its path; empty if it is not there.
         approvals: the valid approvals, the oldest first.
+        people: who is in the register of signers, with names and roles.
     """
 
     registers: Records = field(default_factory=Records)
@@ -233,6 +235,7 @@ class Filed:
     shown: tuple[Verification, ...] = ()
     documents: Mapping[str, str] = field(default_factory=dict)
     approvals: tuple[Approval, ...] = ()
+    people: tuple[Signer, ...] = ()
 
 
 class Remembered(msgspec.Struct, frozen=True, kw_only=True):

@@ -54,7 +54,18 @@ from hil.requirements.lock import LOCK
 from hil.requirements.requirement import Document, Requirement
 from hil.requirements.schema import REQUIREMENTS
 
-__all__ = ["Folders", "asked_of", "keep_present", "read_catalogue", "read_register", "read_world", "record_subject"]
+__all__ = [
+    "Folders",
+    "asked_of",
+    "documents_of",
+    "keep_present",
+    "read_catalogue",
+    "read_register",
+    "read_world",
+    "record_subject",
+]
+
+_NOT_THERE = "is not there, as a file below the folder of fixtures"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -110,8 +121,9 @@ def read_world(
             registers=records,
             earlier=reports_ever(folders.reports, ledger.entries),
             shown=verifications_ever(folders.reports, ledger.entries),
-            documents=_documents(folders.fixtures, records),
+            documents=documents_of(folders.fixtures, records),
             approvals=approvals_of(ledger, packages, signers, records),
+            people=signers.people,
         ),
         register=register,
         remembered=known,
@@ -188,7 +200,8 @@ def record_subject(folders: Folders, number: str) -> Subject:
         its = next(each for each in asked if each.id == item.requirement)
         _require_present(item, its)
         if isinstance(item, Verification):
-            _require_documents(item, _documents(folders.fixtures, found))
+            _require_done(item)
+            _require_documents(item, documents_of(folders.fixtures, found))
         subject = record_subject_of(item, {})
         return replace(subject, alone=subject.alone and not its.independent)
     if not item.complete:
@@ -197,21 +210,30 @@ def record_subject(folders: Folders, number: str) -> Subject:
     return record_subject_of(item, {item.run: verify(folder).operator} if item.run and folder.is_dir() else {})
 
 
-def _documents(fixtures: Path, records: Records) -> dict[str, str]:
-    """Return the SHA-256 of every document that a verification names; empty of what is not there or no file."""
+def documents_of(fixtures: Path, records: Records) -> dict[str, str]:
+    """Return the SHA-256 of every document that a verification names; empty of what is no file below the folder.
+
+    A link is followed as far as it stays below the folder of fixtures: what lies elsewhere is not kept with it.
+    """
     found = {}
     for file in {each.file for item in records.verifications.values() for each in item.documents}:
         try:
-            found[file] = sha256_of((fixtures / file).resolve(strict=True))
+            path = (fixtures / file).resolve(strict=True)
+            found[file] = sha256_of(path) if path.is_relative_to(fixtures.resolve()) else ""
         except (OSError, RuntimeError):
             found[file] = ""
     return found
 
 
+def _require_done(item: Verification) -> None:
+    if item.date > (today := wall.utc_now()[:10]):
+        raise Refused(f"{item.id} is of {item.date}, and today is {today}", "approve it once it is done")
+
+
 def _require_documents(item: Verification, there: Mapping[str, str]) -> None:
     for each in item.documents:
         if there.get(each.file) != each.sha256:
-            now = f"has the SHA-256 {there[each.file]}" if there.get(each.file) else "is not there"
+            now = f"has the SHA-256 {there[each.file]}" if there.get(each.file) else _NOT_THERE
             raise Refused(f"{item.id}: {each.file} {now}", f"put the document back whose SHA-256 is {each.sha256}")
 
 

@@ -253,10 +253,10 @@ def _signed_then(world: World, reports: Path, entries: tuple[Entry, ...], day: s
     with TemporaryDirectory() as place:
         ledger, signers = Ledger(reports=reports, entries=entries), signers_then(reports, entries, Path(place))
         if signers is None:
-            policy, approvals = world.policy.until(day), world.filed.approvals
+            policy, approvals, people = world.policy.until(day), world.filed.approvals, world.filed.people
         else:
             policy = policy_of(ledger, world.packages, signers).until(day)
-            approvals = approvals_of(ledger, world.packages, signers, records)
+            approvals, people = approvals_of(ledger, world.packages, signers, records), signers.people
     counted = tuple(each for each in approvals if each.utc[:10] <= day)
     filed = Filed(
         registers=records,
@@ -264,6 +264,7 @@ def _signed_then(world: World, reports: Path, entries: tuple[Entry, ...], day: s
         shown=verifications_ever(reports, entries),
         documents={each.file: each.sha256 for item in shown for each in item.documents},  # as they were approved
         approvals=counted,
+        people=people,
     )
     return {"policy": policy, "filed": filed}
 

@@ -11,8 +11,8 @@ from typing import Any
 import msgspec
 
 from hil.audit.inputs import Asked, Register, World
-from hil.audit.reading import Folders, asked_of
-from hil.audit.recorded import REPORTS, WAIVERS, approvals_of, baseline
+from hil.audit.reading import Folders, asked_of, documents_of
+from hil.audit.recorded import REPORTS, VERIFICATIONS, WAIVERS, approvals_of, baseline
 from hil.audit.remembered import INSTRUMENTS, UNITS
 from hil.documents.findings import Findings, shown
 from hil.documents.node import Scalar, node_at
@@ -21,7 +21,8 @@ from hil.evidence.ledger.book import Ledger
 from hil.model.errors import Refused
 from hil.model.identity import Dut
 from hil.registers.instruments import RegisteredInstrument, load_instruments
-from hil.registers.nonconformances import NONCONFORMANCES, Nonconformance, Waiver, load_records
+from hil.registers.nonconformances import NONCONFORMANCES, Nonconformance, Verification, Waiver, load_records
+from hil.registers.nonconformances import VERIFICATIONS as VERIFICATIONS_FILE
 from hil.registers.nonconformances import WAIVERS as WAIVERS_FILE
 from hil.registers.signers import load_signers
 from hil.registers.units import load_duts
@@ -39,6 +40,12 @@ _KINDS = {
     "instruments": INSTRUMENTS,
     "nonconformances": REPORTS,
     "waivers": WAIVERS,
+    "verifications": VERIFICATIONS,
+}
+_FILED: Mapping[str, type[Nonconformance | Waiver | Verification]] = {
+    REPORTS: Nonconformance,
+    WAIVERS: Waiver,
+    VERIFICATIONS: Verification,
 }
 _FILES = {f"{name}.yaml" for name in _KINDS if name != "requirements"}
 
@@ -64,7 +71,7 @@ def suppose(world: World, folders: Folders, changed: str) -> tuple[World, World]
     kind = _kind(file, changed)
     if kind == "requirements":
         return _requirements(world, folders, file, changed)
-    if kind in {REPORTS, WAIVERS}:
+    if kind in _FILED:
         return _records(world, folders, file, kind)
     return _register(world, folders, file, kind)
 
@@ -139,34 +146,34 @@ def _register(world: World, folders: Folders, file: Path, kind: str) -> tuple[Wo
 
 
 def _records(world: World, folders: Folders, file: Path, kind: str) -> tuple[World, World]:
-    """Return the worlds before and after a change of reports or waivers; only approvals of these contents count."""
+    """Return the worlds before and after a change of reports, waivers or verifications.
+
+    Only approvals of these contents count, and only documents that lie below the folder of fixtures.
+    """
     if file.parent == folders.fixtures.resolve():
-        items: tuple[Nonconformance | Waiver, ...] | None = (
-            baseline(folders.reports, world.entries, kind, Nonconformance)
-            if kind == REPORTS
-            else baseline(folders.reports, world.entries, kind, Waiver)
-        )
+        items = baseline(folders.reports, world.entries, kind, _FILED[kind])
         if items is None:
             raise _nothing_recorded(kind)
         return _with(world, folders, kind, {each.id: each for each in items}), world
     findings = Findings()
     kinds = {each.id: each.kind for each in world.asked}
     with TemporaryDirectory() as place:  # a register is read by its name
-        for name in (NONCONFORMANCES, WAIVERS_FILE):
+        for name in (NONCONFORMANCES, WAIVERS_FILE, VERIFICATIONS_FILE):
             source = file if name == f"{kind}.yaml" else folders.fixtures / name
             if source.exists():
                 (Path(place) / name).write_bytes(source.read_bytes())
         found = load_records(Path(place), findings, requirements=kinds, duts=world.register.duts)
     findings.raise_if_any()
-    return world, _with(world, folders, kind, found.nonconformances if kind == REPORTS else found.waivers)
+    return world, _with(world, folders, kind, getattr(found, kind))
 
 
 def _with(world: World, folders: Folders, kind: str, items: Mapping[str, Any]) -> World:
-    """Return a world with other reports or waivers, and the approvals that these contents have."""
+    """Return a world with other reports, waivers or verifications, and the approvals that these contents have."""
     records = replace(world.filed.registers, **{kind: items})
     ledger = Ledger(reports=folders.reports, entries=world.entries)
     approvals = approvals_of(ledger, world.packages, load_signers(folders.fixtures), records)
-    return replace(world, filed=replace(world.filed, registers=records, approvals=approvals))
+    documents = documents_of(folders.fixtures, records)
+    return replace(world, filed=replace(world.filed, registers=records, approvals=approvals, documents=documents))
 
 
 def _recorded(world: World, folders: Folders, kind: str) -> Register:

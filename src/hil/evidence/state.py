@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from itertools import takewhile
-from typing import Generic, TypeVar
+from typing import Generic, TypeAlias, TypeVar
 
 import msgspec
 
@@ -32,6 +32,7 @@ from hil.evidence.events import (
     Origin,
     Planned,
     PlannedCase,
+    Question,
     Recording,
     RecordingEnd,
     Recovered,
@@ -48,6 +49,8 @@ from hil.evidence.events import (
 from hil.model.verdict import Verdict
 
 __all__ = ["CaseState", "RunState", "Span", "before_results", "fold", "standing"]
+
+_OfCase: TypeAlias = Question | Answer | Step | StepEnd | Check | Fault | Case | CaseEnd | NotRun
 
 _Begun = TypeVar("_Begun", bound=Event)
 _Ended = TypeVar("_Ended", bound=Event)
@@ -67,7 +70,8 @@ class CaseState:
 
     No attempt replaces another: `earlier` keeps what the attempts before the last one came to, and what had failed
     before the run was interrupted; `given_up` are those that ended without a verdict when it was, which only a case
-    that its plan declares repeatable survives; `times` is how often the case was planned.
+    that its plan declares repeatable survives; `times` is how often the case was planned,
+    and `seen_by` has who was asked for as a witness, and who it was.
     """
 
     planned: PlannedCase
@@ -84,6 +88,8 @@ class CaseState:
     dut_fault: bool = False
     undecided: bool = False
     answers: list[Answer] = field(default_factory=list)
+    asked_witness: str = ""
+    seen_by: list[tuple[str, str]] = field(default_factory=list)
 
     @property
     def own_verdict(self) -> Verdict:
@@ -232,7 +238,7 @@ class RunState:
         """Take the next event."""
         self.t = event.t
         match event:
-            case Answer() | Step() | StepEnd() | Check() | Fault() | Case() | CaseEnd() | NotRun():
+            case Question() | Answer() | Step() | StepEnd() | Check() | Fault() | Case() | CaseEnd() | NotRun():
                 self._of_case(event)
             case Recording():
                 self.recordings[event.recording] = event
@@ -292,7 +298,7 @@ class RunState:
                 if self.gates:  # anomalies before are those of the catalogue's sources
                     self.added.append(event)
 
-    def _of_case(self, event: Answer | Step | StepEnd | Check | Fault | Case | CaseEnd | NotRun) -> None:
+    def _of_case(self, event: _OfCase) -> None:
         case = self._case(event.case)
         match event:
             case Case():
@@ -311,7 +317,10 @@ class RunState:
                 case.end_step(event)
             case Answer():
                 case.answers.append(event)
+                case.seen_by += [(case.asked_witness, event.witness)] if event.witness else []
                 self.given += [event.file] if event.file else []
+            case Question():
+                case.asked_witness = event.witness
             case Fault():
                 case.dut_fault = case.dut_fault or event.dut
                 case.undecided = case.undecided or event.undecided

@@ -14,6 +14,7 @@ from hil.bench.live import Opened, bind_live, bind_live_again, require_boards
 from hil.evidence.folder import TRANSCRIPT
 from hil.executive.journaling.events import Caller
 from hil.executive.people.answers import Answered
+from hil.executive.people.witnesses import Witnesses, witnesses_of
 from hil.executive.resuming.beginnings import NewRun, ResumedRun
 from hil.executive.resuming.earlier import Earlier
 from hil.executive.resuming.preconditions import require_same_cases
@@ -22,7 +23,7 @@ from hil.executive.setup.configuration import Configuration
 from hil.executive.setup.head import PlannedCase
 from hil.model.identity import Source
 from hil.plugin.plans.collection import skipped_cases
-from hil.plugin.plans.prompts import Attended, foreseen, require_answers
+from hil.plugin.plans.prompts import Attended, foreseen, require_answers, require_witness_points
 from hil.plugin.terminal.answering import acted_out, answers_of
 from hil.wire.transcript import Transcript
 
@@ -52,9 +53,10 @@ def open_new(
     """
     if (reach := configuration.reach) is not None:
         require_boards(configuration.bench, reach)
-    answers = answers_of(configuration.request, configuration.workspace.shown)
+    witnesses = witnesses_of(configuration)
+    answers = answers_of(configuration.request, configuration.workspace.shown, witnesses)
     if alone:
-        _require_answers(configuration, planned)
+        _require_answers(configuration, planned, witnesses)
     ports = _Ports(configuration)
     try:
         return Session(
@@ -71,7 +73,7 @@ def open_new(
         ports.close()
 
 
-def _require_answers(configuration: Configuration, planned: Sequence[PlannedCase]) -> None:
+def _require_answers(configuration: Configuration, planned: Sequence[PlannedCase], witnesses: Witnesses) -> None:
     """Require that what the cases ask is answered; nothing has been opened by then, and there is no folder of a run."""
     request, workspace = configuration.request, configuration.workspace
     outside = configuration.reach is not None
@@ -83,11 +85,12 @@ def _require_answers(configuration: Configuration, planned: Sequence[PlannedCase
         safety=outside,
     )
     left_out = skipped_cases({case.id: case for case in planned}, request)
-    items = [(case.id in left_out, case.item) for case in planned if isinstance(case.item, pytest.Item)]
-    by_case = [(skipped, foreseen(item, workspace.root)) for skipped, item in items]
+    by_case = [(case, foreseen(case.item, workspace.root)) for case in planned if isinstance(case.item, pytest.Item)]
     asked = [each for _, found in by_case for each in found]
-    due = [each for skipped, found in by_case if not skipped for each in found]
-    require_answers(asked, due, request, attended, workspace.shown)
+    run = [(case, found) for case, found in by_case if case.id not in left_out]
+    require_answers(asked, [each for _, found in run for each in found], request, attended, witnesses, workspace.shown)
+    if request.purpose.closes:
+        require_witness_points(configuration.catalogue, run)
 
 
 def open_resumed(
@@ -104,7 +107,7 @@ def open_resumed(
         Refused: if other cases were collected than before.
     """
     require_same_cases(earlier, planned)
-    fresh = answers_of(configuration.request, configuration.workspace.shown)
+    fresh = answers_of(configuration.request, configuration.workspace.shown, witnesses_of(configuration))
     return Session(
         configuration,
         planned,

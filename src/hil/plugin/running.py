@@ -18,6 +18,7 @@ from hil.executive.ending.acknowledging import require_acknowledged
 from hil.executive.people.notifying import Notifier
 from hil.executive.people.on_call import OnCall, People, require_unattended
 from hil.executive.people.questions import Declined
+from hil.executive.people.witnesses import witnesses_of
 from hil.executive.resuming.earlier import Earlier, find_earlier
 from hil.executive.resuming.preconditions import changes, deviation_of, require_answers
 from hil.executive.session import EXIT_INTERRUPTED, Session
@@ -248,7 +249,7 @@ def _attend(session: Session, notifier: Notifier) -> None:
         if not idle():
             raise Declined("the run is to end")
 
-    answers = answers_of(configuration.request, configuration.workspace.shown)(
+    answers = answers_of(configuration.request, configuration.workspace.shown, witnesses_of(configuration))(
         session.bench, pass_by, session.record.upkeep.elsewhere
     )
     people = People(_on_call(session, notifier), answers, session.keeper.journal, idle)

@@ -50,6 +50,7 @@ _WaiverNumber = Annotated[str, matching("W-[A-Za-z0-9._-]+", "a number such as W
 _INSPECTION = "inspection"
 _VerificationNumber = Annotated[str, matching("V-[A-Za-z0-9._-]+", "a number such as V-0012")]
 _Digest = Annotated[str, matching("[0-9a-f]{64}", "the 64 digits of the requirement's fingerprint")]
+_OF_NOTHING = "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855"
 _FileDigest = Annotated[str, matching("[0-9a-f]{64}", "the 64 digits that sha256sum prints")]
 _Shown = Annotated[str, one_of("analysis", _INSPECTION, "review")]
 _Verdict = Annotated[str, one_of(Verdict.PASS, Verdict.FAIL, Verdict.INCONCLUSIVE)]
@@ -382,6 +383,8 @@ def _of_verification(item: Verification) -> _Problems:
         parts = each.file.split("/")
         if each.file and (".." in parts or "" in parts or "\\" in each.file):
             yield ("documents", index, "file"), f"'{each.file}' must be a path below the folder of fixtures"
+        if each.sha256 == _OF_NOTHING:
+            yield ("documents", index, "sha256"), f"this is the SHA-256 of an empty file: {each.file} shows nothing"
     if item.witness and " ".join(item.witness.casefold().split()) == " ".join(item.by.casefold().split()):
         yield ("witness",), f"{item.witness.strip()} did it, and cannot be the witness of it"
 

@@ -72,6 +72,10 @@ class Signer:
         """Return whether the person holds a role on a day, ISO 8601; first and last day count."""
         return any(each.role == role and each.since <= day <= (each.until or day) for each in self.roles)
 
+    def stands_for(self, who: str, day: str) -> bool:
+        """Return whether somebody who is asked for by role or name is this person, on a day, ISO 8601."""
+        return self.is_called(who) or self.holds(_plain(who).replace(" ", "-"), day)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Required:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import shutil
 import subprocess
 from dataclasses import replace
@@ -12,11 +13,13 @@ import pytest
 from audited import ASKED, DUT, PARENT, codes, row, world_of
 
 from hil.audit.cache import Cache
+from hil.audit.changes import changes
 from hil.audit.engine import audit
 from hil.audit.inputs import Approval, Filed
 from hil.audit.pages.page import as_html
 from hil.audit.reading import Folders, read_world, record_subject
 from hil.audit.recorded import past, record, verifications_ever
+from hil.audit.supposed import suppose
 from hil.audit.tables import as_csv, as_json
 from hil.evidence.ledger.approvals import approve
 from hil.evidence.ledger.book import read
@@ -32,7 +35,7 @@ from hil.registers.nonconformances import (
     UnitName,
     Verification,
 )
-from hil.registers.signers import load_signers
+from hil.registers.signers import HeldRole, Signer, load_signers
 from hil.requirements.catalogue import load_catalogue
 from hil.requirements.lock import lock_text
 
@@ -61,14 +64,14 @@ def approval(of, **changed):
     return Approval(**{**fields, "utc": "2026-06-20T08:00:00Z", "seq": 5, **changed})
 
 
-def world(*items, asked=REVIEWED, approvals=None, documents=None, reports=(), shown=(), **changed):
+def world(*items, asked=REVIEWED, approvals=None, documents=None, reports=(), shown=(), people=(), **changed):
     """Return a world without packages, in which these were stated and approved unless approvals are given."""
     registers = Records(
         verifications={each.id: each for each in items}, nonconformances={each.id: each for each in reports}
     )
     given = tuple(approval(each) for each in items) if approvals is None else tuple(approvals)
     there = {"documents/thermal.pdf": DIGEST} if documents is None else documents
-    filed = Filed(registers=registers, approvals=given, documents=there, shown=tuple(shown))
+    filed = Filed(registers=registers, approvals=given, documents=there, shown=tuple(shown), people=people)
     return replace(world_of([]), asked=(PARENT, asked), filed=filed, **changed)
 
 
@@ -124,7 +127,7 @@ def test_what_a_statement_says_of_itself_may_close_nothing(changed, code, text):
 @pytest.mark.parametrize(
     ("documents", "text"),
     [
-        ({}, "documents/thermal.pdf is not there; it was made with dddddddd"),
+        ({}, "documents/thermal.pdf is not there, as a file below the folder of fixtures; it was made with dddddddd"),
         ({"documents/thermal.pdf": ""}, "documents/thermal.pdf is not there"),
         ({"documents/thermal.pdf": "c" * 64}, "documents/thermal.pdf has another content now, SHA-256 cccccccc"),
     ],
@@ -176,14 +179,53 @@ def test_its_author_counts_unless_the_requirement_asks_for_somebody_else():
     assert codes(world(SHOWN, approvals=(approval(SHOWN, role="quality"),))) == ["AWAITING_APPROVAL"]
 
 
+PEOPLE = (
+    Signer(principal="ada@x", name="Ada", also=("A. Lovelace",)),
+    Signer(
+        principal="quinn@x", name="Quinn", roles=(HeldRole(role="quality", since="2026-01-01", until="2026-06-02"),)
+    ),
+    Signer(principal="tess@x", name="Tess"),
+)
+
+
+@pytest.mark.parametrize(
+    ("wanted", "witness", "date", "text"),
+    [
+        ("quality", "Quinn", "2026-06-02", ""),
+        ("Quinn", "quinn@x", "2026-06-02", ""),
+        ("", "Tess", "2026-06-02", ""),
+        ("quality", "Tess", "2026-06-02", "Tess has neither this role on 2026-06-02 nor this name"),
+        ("quality", "Quinn", "2026-06-03", "Quinn has neither this role on 2026-06-03 nor this name"),
+        ("quality", "Zoe", "2026-06-02", "its witness, Zoe, is not in the register of signers"),
+        ("quality", "A. Lovelace", "2026-06-02", "A. Lovelace is Ada, who made it, and cannot be its witness"),
+    ],
+)
+def test_a_witness_has_the_role_that_is_asked_for(wanted, witness, date, text):
+    """Attack: a stranger, a colleague without the role or from after it, the author by another name."""
+    asked = msgspec.structs.replace(REVIEWED, witness=wanted)
+    found = row(world(replace(SHOWN, witness=witness, date=date), asked=asked, people=PEOPLE))
+    assert [reason.code for reason in found.reasons] == ["NOT_ELIGIBLE"] * bool(text)
+    assert text in "".join(reason.text for reason in found.reasons)
+
+
+def test_nobody_approves_what_is_not_done_yet():
+    """Attack: approved with a date of next week, it closes by itself when that day has come."""
+    later = replace(SHOWN, date="2026-06-21")
+    found = row(world(later, approvals=(approval(later),)))
+    assert [reason.text for reason in found.reasons] == ["V-1: it was approved before 2026-06-21, when it was not done"]
+    again = approval(later, utc="2026-06-21T07:00:00Z", seq=6)
+    assert codes(world(later, approvals=(approval(later), again))) == []
+
+
 def test_a_fail_stands_until_a_report_says_what_was_done():
     """A later PASS does not take it back, nor does its removal, nor another word in the register."""
     fail = replace(SHOWN, id="V-0", verdict="FAIL")
     passed = replace(SHOWN, date="2026-07-01")
+    later = (approval(passed, utc="2026-07-02T08:00:00Z"),)
     assert codes(world(fail)) == ["NO_VERDICT", "FAILED"]
     assert row(world(fail)).compliance == "no"
-    assert codes(world(fail, passed)) == ["FAILED"]
-    gone = row(world(passed, shown=(fail,)))
+    assert codes(world(fail, passed, approvals=later)) == ["FAILED"]
+    gone = row(world(passed, shown=(fail,), approvals=later))
     assert [reason.text for reason in gone.reasons] == [
         "V-0 said FAIL on 2026-06-02, and is no longer in the register as it was"
     ]
@@ -199,7 +241,7 @@ def test_a_fail_stands_until_a_report_says_what_was_done():
         disposition=Disposition.REWORK,
         action=Action(text="Drawing changed", date="2026-06-10"),
     )
-    approvals = (approval(passed), approval(report, role="nonconformance"))
+    approvals = (approval(passed, utc="2026-07-02T08:00:00Z"), approval(report, role="nonconformance"))
     assert codes(world(fail, passed, reports=(report,), approvals=approvals)) == []
     assert codes(world(fail, reports=(report,), approvals=approvals[1:])) == ["NO_VERDICT", "AWAITING_APPROVAL"]
 
@@ -234,58 +276,142 @@ signers:
 """
 
 
-@pytest.mark.skipif(shutil.which("ssh-keygen") is None, reason="ssh-keygen is not installed")
+needs_keys = pytest.mark.skipif(shutil.which("ssh-keygen") is None, reason="ssh-keygen is not installed")
+
+
+class Workspace:
+    """A workspace with a requirement that is verified by analysis, its report, and the keys of two persons."""
+
+    def __init__(self, root):
+        self.root, self.fixtures = root, root / "fixtures"
+        self.plan = root / "testplans/load/requirements.yaml"
+        for folder in (self.fixtures / "documents", root / "reports", self.plan.parent):
+            folder.mkdir(parents=True)
+        self.plan.write_text(REQUIREMENTS.format(independent="true"))
+        (self.plan.parent / "requirements.lock.json").write_text(
+            lock_text(load_catalogue(root, [self.plan.parent], locked=False).of_plan("load"))
+        )
+        (self.fixtures / "signers.yaml").write_text(SIGNERS)
+        allowed = ""
+        for name in ("ada", "bo"):
+            subprocess.run(["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-C", "", "-f", root / name], check=True)
+            allowed += f"{name}@x {(root / f'{name}.pub').read_text()}"
+        (self.fixtures / "allowed_signers").write_text(allowed)
+        self.folders = Folders(
+            root=root, testplans=root / "testplans", fixtures=self.fixtures, reports=root / "reports", name="w"
+        )
+        self.document = self.fixtures / "documents/thermal.txt"
+        self.document.write_text("78 degC")
+        [self.asked] = self.now().asked
+        self.register = self.fixtures / "verifications.yaml"
+        self.stated = (
+            "schema: hil/verifications/1\nverifications:\n- {id: V-1, title: Sunlight, method: analysis,"
+            " date: '2026-06-02', by: Ada, role: analyst, requirement: T-010, rev: 1,"
+            f" fingerprint: {self.asked.fingerprint}, verdict: PASS, statement: It stays at 78 degC,"
+            f" documents: [{{file: documents/thermal.txt, sha256: {hashlib.sha256(b'78 degC').hexdigest()}}}]}}\n"
+        )
+        self.register.write_text(self.stated)
+
+    def now(self):
+        """Return what an audit of it is computed from."""
+        return read_world(self.folders, Cache(None, "1"), version="1", locked=False)
+
+    def codes(self):
+        """Return why the requirement is open."""
+        return codes(self.now(), "T-010")
+
+    def approve(self, name):
+        """Approve the statement as it is."""
+        approve(
+            self.folders.reports,
+            record_subject(self.folders, "V-1"),
+            load_signers(self.fixtures),
+            principal=f"{name}@x",
+            key=self.root / name,
+            role="verification",
+            meaning="read",
+        )
+
+
+@needs_keys
 def test_a_statement_of_the_workspace_is_approved_and_closes(tmp_path):
     """From the files to the audit: the document's digest, the approval with a key, and who may give it."""
-    fixtures, reports = tmp_path / "fixtures", tmp_path / "reports"
-    for folder in (fixtures / "documents", reports, tmp_path / "testplans/load"):
-        folder.mkdir(parents=True)
-    plan = tmp_path / "testplans/load/requirements.yaml"
-    plan.write_text(REQUIREMENTS.format(independent="true"))
-    (plan.parent / "requirements.lock.json").write_text(
-        lock_text(load_catalogue(tmp_path, [plan.parent], locked=False).of_plan("load"))
-    )
-    (fixtures / "signers.yaml").write_text(SIGNERS)
-    allowed = ""
-    for name in ("ada", "bo"):
-        subprocess.run(["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-C", "", "-f", tmp_path / name], check=True)
-        allowed += f"{name}@x {(tmp_path / f'{name}.pub').read_text()}"
-    (fixtures / "allowed_signers").write_text(allowed)
-    folders = Folders(root=tmp_path, testplans=tmp_path / "testplans", fixtures=fixtures, reports=reports, name="w")
-
-    def now():
-        return read_world(folders, Cache(None, "1"), version="1", locked=False)
-
-    document = fixtures / "documents/thermal.txt"
-    document.write_text("78 degC")
-    [asked] = now().asked
-    assert (asked.method, asked.independent) == ("analysis", True)
-    stated = (
-        "schema: hil/verifications/1\nverifications:\n"
-        "- {id: V-1, title: Sunlight, method: analysis, date: '2026-06-02', by: Ada, role: analyst, requirement: T-010,"
-        f" rev: 1, fingerprint: {asked.fingerprint}, verdict: PASS, statement: It stays at 78 degC,"
-        f" documents: [{{file: documents/thermal.txt, sha256: {hashlib.sha256(b'78 degC').hexdigest()}}}]}}\n"
-    )
-    (fixtures / "verifications.yaml").write_text(stated)
-    assert codes(now(), "T-010") == ["AWAITING_APPROVAL"]
-    signers = load_signers(fixtures)
+    of = Workspace(tmp_path)
+    assert (of.asked.method, of.asked.independent) == ("analysis", True)
+    assert of.codes() == ["AWAITING_APPROVAL"]
     with pytest.raises(Refused, match="ada@x is the author of V-1: somebody else must approve it"):
-        _approve(folders, signers, tmp_path, "ada")
-    _approve(folders, signers, tmp_path, "bo")
-    assert codes(now(), "T-010") == []
-    document.write_text("88 degC")
-    assert codes(now(), "T-010") == ["INTEGRITY"]
+        of.approve("ada")
+    of.register.write_text(of.stated.replace("2026-06-02", "2999-01-01"))
+    with pytest.raises(Refused, match="V-1 is of 2999-01-01, and today is .*; approve it once it is done"):
+        of.approve("bo")
+    of.register.write_text(of.stated)
+    of.approve("bo")
+    assert of.codes() == []
+    of.document.write_text("88 degC")
+    assert of.codes() == ["INTEGRITY"]
     with pytest.raises(Refused, match=r"documents/thermal.txt has the SHA-256 .*; put the document back"):
-        _approve(folders, signers, tmp_path, "bo")
-    document.unlink()
-    assert codes(now(), "T-010") == ["INTEGRITY"]
-    document.write_text("78 degC")
-    plan.write_text(plan.read_text().replace("80 degC", "75 degC"))
-    assert codes(now(), "T-010") == ["SUSPECT_REQ"]
+        of.approve("bo")
+    of.document.unlink()
+    assert of.codes() == ["INTEGRITY"]
+    with pytest.raises(Refused, match="is not there, as a file below the folder of fixtures"):
+        of.approve("bo")
+    of.document.write_text("78 degC")
+    of.plan.write_text(of.plan.read_text().replace("80 degC", "75 degC"))
+    assert of.codes() == ["SUSPECT_REQ"]
 
 
-def _approve(folders, signers, keys, name):
-    subject = record_subject(folders, "V-1")
-    approve(
-        folders.reports, subject, signers, principal=f"{name}@x", key=keys / name, role="verification", meaning="read"
-    )
+@needs_keys
+def test_a_document_is_a_file_below_the_fixtures(tmp_path):
+    """Attack: a link to the same content elsewhere, where nobody keeps it; a pipe; a folder."""
+    of = Workspace(tmp_path)
+    of.approve("bo")
+    of.document.unlink()
+    (tmp_path / "elsewhere.txt").write_text("78 degC")
+    of.document.symlink_to(tmp_path / "elsewhere.txt")
+    assert of.codes() == ["INTEGRITY"]
+    of.document.unlink()
+    (of.document.parent / "kept.txt").write_text("78 degC")
+    of.document.symlink_to("kept.txt")
+    assert of.codes() == []
+    of.document.unlink()
+    of.document.symlink_to(of.document.name)
+    assert of.codes() == ["INTEGRITY"]
+    of.document.unlink()
+    os.mkfifo(of.document)
+    assert of.codes() == ["INTEGRITY"]
+    of.document.unlink()
+    of.document.mkdir()
+    assert of.codes() == ["INTEGRITY"]
+
+
+@needs_keys
+def test_a_supposed_register_says_what_would_close(tmp_path):
+    """An approval that the content has counts; of one without, everything else that is missing is told."""
+    of = Workspace(tmp_path)
+    supposed = tmp_path / "supposed.yaml"
+    supposed.write_text(of.stated.replace("verdict: PASS", "verdict: FAIL"))
+    assert told_if(of, supposed) == [("changed", ["NO_VERDICT", "FAILED"])]
+    of.approve("bo")
+    assert told_if(of, supposed) == [("reopened", ["NO_VERDICT", "FAILED", "AWAITING_APPROVAL"])]
+    supposed.write_text(of.stated.replace("It stays at", "It will stay at"))
+    assert told_if(of, supposed) == [("reopened", ["AWAITING_APPROVAL"])]
+    supposed.write_text(of.stated.replace("documents/thermal.txt", "documents/other.txt"))
+    assert told_if(of, supposed) == [("reopened", ["INTEGRITY", "AWAITING_APPROVAL"])]
+    supposed.write_text(of.stated)
+    of.register.unlink()
+    assert of.codes() == ["NO_EVIDENCE"]
+    assert told_if(of, supposed) == [("closed", [])]
+    of.register.write_text(of.stated)
+    with pytest.raises(Refused, match="the ledger has no verifications to compare with"):
+        told_if(of, of.register)
+    record(of.folders.reports, of.now(), audit(of.now()))
+    assert told_if(of, of.register) == []
+    of.register.write_text(of.stated.replace("It stays at", "It will stay at"))
+    assert told_if(of, of.register) == [("reopened", ["AWAITING_APPROVAL"])]
+
+
+def told_if(of, file):
+    """Return what `--if` tells of T-010: what becomes of it, and the reasons that come."""
+    before, after = map(audit, suppose(of.now(), of.folders, str(file)))
+    found = [each for each in changes(before, after) if each.id == "T-010"]
+    return [(each.what, [str(reason.code) for reason in each.gained]) for each in found]

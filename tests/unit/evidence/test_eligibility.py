@@ -8,6 +8,7 @@ import msgspec
 import pytest
 from evidence_runs import REQUIREMENTS, begin, sealed_run, whole_case
 
+from hil.evidence.events import Answer, Case, CaseEnd, Question
 from hil.evidence.folder import JOURNAL
 from hil.evidence.journal.reader import read_journal
 from hil.evidence.package.verification import verify
@@ -136,6 +137,29 @@ def test_purpose_stage_model_and_method_must_fit(proven, purpose, model, fields,
     entries["GYR-030"] = msgspec.structs.replace(entries["GYR-030"], **fields)
     told = reasons([run, *events[1:]], dataclasses.replace(facts, catalogue=entries))
     assert any(each.startswith(reason) for each in told), told
+
+
+@pytest.mark.parametrize(
+    ("fields", "asked", "witness", "reason"),
+    [
+        ({"witness": "quality"}, "Quality", "Quinn", ""),
+        ({"independent": True}, "technician", "Quinn", ""),
+        ({"witness": "quality"}, "technician", "Quinn", "by Quinn (technician)"),
+        ({"witness": "quality"}, "quality", "", "none confirmed an answer of its cases"),
+    ],
+)
+def test_a_witness_counts_in_the_role_that_was_asked_for(proven, fields, asked, witness, reason):
+    """Attack: the requirement asks for quality assurance, and a technician saw some answer of its cases."""
+    events, facts = proven
+    case = next(each.case for each in events if isinstance(each, Case))
+    question = Question(case=case, step="", name="q", form="confirm", text="?", options=(), witness=asked)
+    answer = Answer(case=case, step="", name="q", value=True, by="Ada", witness=witness)
+    place = next(number for number, each in enumerate(events) if isinstance(each, CaseEnd))
+    entries = entries_of(REQUIREMENTS)
+    entries["GYR-030"] = msgspec.structs.replace(entries["GYR-030"], **fields)
+    told = reasons([*events[:place], question, answer, *events[place:]], dataclasses.replace(facts, catalogue=entries))
+    assert len(told) == bool(reason), told
+    assert reason in "".join(told)
 
 
 def test_records_beside_limits_are_due(proven):

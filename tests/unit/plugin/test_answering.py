@@ -11,9 +11,11 @@ import pytest
 
 from hil.executive.people.answers import AnswersFile
 from hil.executive.people.questions import Answer, Declined, Elsewhere, Question
+from hil.executive.people.witnesses import Witnesses
 from hil.executive.setup.configuration import Request
 from hil.model.identity import Source
 from hil.plugin.terminal.answering import acted_out, answers_of
+from hil.registers.signers import Signers
 
 SAFETY = Question(name="fuse", form="confirm", text="Is the fuse in?", safety=True)
 JIG = Question(name="jig", form="confirm", text="Closed?")
@@ -40,7 +42,8 @@ def source_on(tmp_path, *, live, source=Source.SIMULATED, idle=lambda: None, els
     file.write_text('schema: hil/answers/1\nanswers: {fuse: "yes", jig: "yes"}\n', encoding="utf-8")
     request = Request(start=tmp_path, plans=(), bench="b", dut="d", source=source, answers=file, **wanted)
     bench = SimpleNamespace(live=object() if live else None, has_person=not live, person=Yes())
-    return answers_of(request, Path.name.fget)(bench, idle, elsewhere or Elsewhere())
+    witnesses = Witnesses(request.operator, lambda: Signers(people=(), folder=tmp_path), lambda: "2026-06-01")
+    return answers_of(request, Path.name.fget, witnesses)(bench, idle, elsewhere or Elsewhere())
 
 
 @pytest.fixture(params=[Source.HARDWARE, Source.SIMULATED], ids=["hardware", "served"])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+
 import pytest
 
 from hil.documents.findings import Findings
@@ -91,6 +93,7 @@ def test_a_verification_is_read_whole(tmp_path):
         ),
         ("documents/cell.pdf", "../cell.pdf", "V-1: '../cell.pdf' must be a path below the folder of fixtures"),
         ("documents/cell.pdf", "/cell.pdf", "V-1: '/cell.pdf' must be a path below the folder of fixtures"),
+        ("a" * 64, hashlib.sha256(b"").hexdigest(), "this is the SHA-256 of an empty file: documents/cell.pdf shows"),
         ("a" * 64, "a" * 63, "'sha256' must be the 64 digits that sha256sum prints"),
         ("[{file: documents/cell.pdf, sha256: " + "a" * 64 + "}]", "[]", "V-1: name at least one document"),
         ("  units: [{part: BAT-1, serial: FM-7}]\n", "", "V-1: name at least one unit"),

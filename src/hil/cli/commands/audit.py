@@ -79,8 +79,8 @@ def command(
 
     An entry that was removed from the catalogue or a register counts until --record --because TEXT --by NAME says why.
 
-    --if takes a changed requirements.yaml, duts.yaml, instruments.yaml, nonconformances.yaml or waivers.yaml, or the
-    word analysis.
+    --if takes a changed requirements.yaml, duts.yaml, instruments.yaml, nonconformances.yaml, waivers.yaml or
+    verifications.yaml, or the word analysis.
 
     Exit code 0; 1 with --strict if a requirement is open or the settings name no ledger; 2 if a package or the ledger
     is damaged.

@@ -17,7 +17,16 @@ from hil.evidence.state import RunState
 from hil.model.identity import Model, Purpose, Source
 from hil.model.verdict import Verdict
 
-__all__ = ["MODELS", "Eligibility", "against_hardware", "of_run", "of_simulation", "reasons_in", "sources_of"]
+__all__ = [
+    "MODELS",
+    "Eligibility",
+    "against_hardware",
+    "is_asked_for",
+    "of_run",
+    "of_simulation",
+    "reasons_in",
+    "sources_of",
+]
 
 _NO_RECORD = FrozenCalibration()
 _NOTHING = FrozenRequirement()
@@ -99,6 +108,7 @@ class Eligibility:
             carried.coverage,
             _NOT_IN_CATALOGUE if entry is None else _IN_CATALOGUE,
             *_method(entry or _NOTHING, carried.answers),
+            *_witness(entry or _NOTHING, carried.seen_by),
             *self._stage((entry or _NOTHING).stage),
             *(each_of("values", open_values, "") if open_values else (_FROM_INSTRUMENTS,)),
             *carried.of_used,
@@ -123,12 +133,14 @@ class _Carried:
     Attributes:
         coverage: whether there are such cases.
         answers: what persons answered in them.
+        seen_by: who was asked for as a witness of their answers, and who it was.
         instruments: the instruments behind their recordings, and those with a certificate that they used.
         of_used: the conditions of the instruments that they used.
     """
 
     coverage: Condition
     answers: tuple[Answer, ...]
+    seen_by: tuple[tuple[str, str], ...]
     instruments: frozenset[str]
     of_used: tuple[Condition, ...]
 
@@ -139,6 +151,7 @@ def _carried(cases: Sequence[CaseOutcome], state: RunState, facts: Facts) -> _Ca
     return _Carried(
         coverage=condition("coverage", bool(cases), _told(len(cases)), "no planned case carries it"),
         answers=tuple(answer for case in cases for answer in state.cases[case.case].answers),
+        seen_by=tuple(pair for case in cases for pair in state.cases[case.case].seen_by),
         instruments=frozenset(_recorded_by(cases, state) | certified),
         of_used=(*_instruments(used), *_identities(used, state)),
     )
@@ -283,11 +296,28 @@ def _method(entry: FrozenRequirement, answers: Sequence[Answer]) -> Iterator[Con
     else:
         told = f"its method is {method}, which no run closes" if method else "the requirement names no method"
         yield condition("method", False, told)
-    if entry.witness or entry.independent:
-        seen_by = sorted({each.witness for each in answers if each.witness})
-        who = entry.witness or "somebody else than who did it"
-        told = f"it asks for a witness ({who}), and none confirmed an answer of its cases"
-        yield condition("witness", bool(seen_by), f"witnessed by {', '.join(seen_by)} ({who})", told)
+
+
+def _witness(entry: FrozenRequirement, seen_by: Sequence[tuple[str, str]]) -> Iterator[Condition]:
+    """Who witnessed the answer to another question, in another role, was not asked to witness this requirement."""
+    if not (entry.witness or entry.independent):
+        return
+    who = entry.witness or "somebody else than who did it"
+    names = sorted({name for asked, name in seen_by if is_asked_for(entry.witness, asked)})
+    others = sorted({f"{name} ({asked})" for asked, name in seen_by})
+    besides = f": those of its cases were witnessed by {_some(others)}" if others else ""
+    told = f"it asks for a witness ({who}), and none confirmed an answer of its cases{besides}"
+    yield condition("witness", bool(names), f"witnessed by {', '.join(names)} ({who})", told)
+
+
+def is_asked_for(witness: str, asked: str) -> bool:
+    """Return whether a question asked for the witness of a requirement, by the same role or name.
+
+    Args:
+        witness: who the requirement asks for; empty for anybody.
+        asked: who the question asked for.
+    """
+    return not witness or witness.casefold().split() == asked.casefold().split()
 
 
 def _some(names: Sequence[str]) -> str:

@@ -137,6 +137,26 @@ class Operator(OfThisProcess):
         if not self._ask(question, picture):
             raise Declined(f"'{text}' was not confirmed")
 
+    def witness(self, who: str, text: str, *, name: str, picture: str = "") -> None:
+        """Go on only once somebody saw it: the operator confirms, and then the witness does, by name.
+
+        Args:
+            who: who has to be present, by role or name, as of `witness` of `confirm`; `"somebody"` for anybody but the
+                operator.
+            text: what both confirm.
+            name: the question's name.
+            picture: as of `confirm`.
+
+        Raises:
+            Declined: if it is not confirmed by both.
+            Misused: if nobody is named.
+        """
+        if not who.strip():
+            error = Misused(f"'{name}' names nobody as its witness", 'name a role or a person, or "somebody"')
+            self.refused.append(error)
+            raise error
+        self.confirm(text, name=name, witness=who, picture=picture)
+
     def choose(self, text: str, options: Sequence[str], *, name: str, witness: str = "", picture: str = "") -> str:
         """Ask for one of the options and return it; `witness` and `picture` as of `confirm`."""
         question = Question(name=name, form="choose", text=text, options=tuple(options), witness=witness)

@@ -48,7 +48,6 @@ __all__ = [
     "Prompt",
     "SimulatedPerson",
     "TerminalPerson",
-    "Witnessed",
     "load_answers",
 ]
 
@@ -225,7 +224,7 @@ class TerminalPerson:
             if not (line := self._line()):
                 break
             witness = line.strip()
-            if problem := witness_problem(question, by, witness):
+            if problem := self._elsewhere.witnesses(question, by, witness):
                 self._prompt.show(problem)
                 continue
             self._prompt.show(f"{witness}, do you confirm that you were present, and the answer? [yes or no]")
@@ -292,26 +291,6 @@ class AskedLive:
     def answer(self, question: Question) -> Answer:
         """Answer, or let the person answer."""
         return (self._person if question.safety else self._otherwise).answer(question)
-
-
-class Witnessed:
-    """Keeps the operator of a run from being the witness of anybody's answer.
-
-    Args:
-        source: who answers.
-        operator: the operator of the run.
-    """
-
-    def __init__(self, source: AnswerSource, operator: str) -> None:
-        self._source = source
-        self._operator = operator
-
-    def answer(self, question: Question) -> Answer:
-        """Answer as the source does."""
-        answer = self._source.answer(question)
-        if problem := answer.witness and witness_problem(question, self._operator, answer.witness):
-            raise Declined(f"{problem}: {answer.witness} is the run's operator", "name another person")
-        return answer
 
 
 class FirstOf:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+import unicodedata
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -109,9 +110,11 @@ class Elsewhere:
 
     Attributes:
         answer: what was said to the question that waits, None as long as nobody did, and while none waits.
+        witnesses: returns why a person cannot witness an answer, from the question, who answers, and who witnesses.
     """
 
     def __init__(self) -> None:
+        self.witnesses: Callable[[Question, str, str], str] = witness_problem
         self._question: Question | None = None
         self.answer: Answer | None = None
 
@@ -139,7 +142,7 @@ class Elsewhere:
             return f"'{name}' is not being asked now"
         if not by.strip():
             return f"'{name}' was answered without a name"
-        problem = witness_problem(question, by, witness) or _file_problem(question, path)
+        problem = self.witnesses(question, by, witness) or _file_problem(question, path)
         value = text if question.form == FILE else understood(question, text)
         if not problem and value is None:
             problem = f"'{text}' is not an answer to '{name}', which takes {form(question)}"
@@ -170,7 +173,7 @@ def witness_problem(question: Question, by: str, witness: str) -> str:
 
 def _person(name: str) -> str:
     """Return a name as it is compared: nobody is two persons by capitals and spaces."""
-    return " ".join(name.removesuffix(FROM_FILE).casefold().split())
+    return " ".join(unicodedata.normalize("NFKC", name.removesuffix(FROM_FILE)).casefold().split())
 
 
 def spoken(question: Question) -> str:

@@ -17,18 +17,29 @@ import pytest
 
 from hil.documents.node import Place
 from hil.documents.suggest import did_you_mean
+from hil.evidence.results.eligibility import is_asked_for
 from hil.executive.people.answers import Prepared, load_answers
 from hil.executive.people.files import KINDS, kinds_of, problem_of, said_path
-from hil.executive.people.questions import FILE, Question, form, understood, witness_problem
+from hil.executive.people.questions import FILE, Question, form, understood
+from hil.executive.people.witnesses import SOMEBODY, Witnesses
 from hil.model.errors import ConfigurationError, Finding, Misused, Refused
+from hil.requirements.catalogue import Catalogue
 
 if TYPE_CHECKING:
     from hil.executive.setup.configuration import Request
+    from hil.executive.setup.head import PlannedCase
 
-__all__ = ["Attended", "Foreseen", "foreseen", "require_answers"]
+__all__ = ["Attended", "Foreseen", "foreseen", "require_answers", "require_witness_points"]
 
 _WHO = "operator"
-_FORMS = {"confirm": "confirm", "choose": "choose", "measure": "measure", "connect": "connect", "attach": FILE}
+_FORMS = {
+    "confirm": "confirm",
+    "choose": "choose",
+    "measure": "measure",
+    "connect": "connect",
+    "attach": FILE,
+    "witness": "confirm",
+}
 _OF_CONNECT = 2
 """With so many texts `attach` is the `connect` of older plans."""
 
@@ -152,9 +163,11 @@ def _foreseen(call: ast.Call, where: str, known: Mapping[str, object]) -> Forese
             options = kinds_of(options)
         except Misused:  # the call says so
             options = None
-    place = 1 if shape == "connect" else 0
+    place = 1 if shape == "connect" or function == "witness" else 0
     text = _word(call.args[place] if len(call.args) > place else given.get("text"), known)
     witness = given.get("witness")
+    if function == "witness":
+        witness = call.args[0] if call.args else given.get("who")
     return Foreseen(
         pattern=re.compile(re.escape(name) if name else _pattern(given.get("name"))),
         name=name,
@@ -165,7 +178,7 @@ def _foreseen(call: ast.Call, where: str, known: Mapping[str, object]) -> Forese
             options=options or (tuple(KINDS) if attached else ()),
             unit=_word(call.args[1] if shape == "measure" and len(call.args) > 1 else given.get("unit"), known),
             safety=isinstance(each := given.get("safety"), ast.Constant) and each.value is True,
-            witness=(_word(witness, known) or "somebody") if witness is not None else "",
+            witness=(_word(witness, known) or SOMEBODY) if witness is not None else "",
         ),
         options=options is not None and shape != "connect",
         where=where,
@@ -202,6 +215,7 @@ def require_answers(
     due: Sequence[Foreseen],
     request: Request,
     attended: Attended,
+    witnesses: Witnesses,
     shown: Callable[[Path], str],
 ) -> None:
     """Require of the answers file, and of who is there, that every question gets an answer before anything is opened.
@@ -209,8 +223,9 @@ def require_answers(
     Args:
         asked: what all cases of the plans may ask, whether they are run or not.
         due: what those may ask that are run.
-        request: names the answers file and the operator.
+        request: names the answers file.
         attended: who answers what the file does not.
+        witnesses: says who may witness an answer.
         shown: returns a path as people see it.
 
     Raises:
@@ -223,11 +238,15 @@ def require_answers(
     folder = request.answers.resolve().parent if request.answers else Path()
     for each in asked:
         if each.name in prepared.answers and not (attended.safety and each.question.safety):
-            findings += _unfit(each, prepared, folder, request.operator)
+            findings += _unfit(each, prepared, folder, witnesses)
     open_questions = [each for each in due if not _is_answered(each, prepared, attended)]
     if open_questions and request.answers:
         file = shown(request.answers)
         findings += [Finding(file, 0, 0, f"no answer to {_told(each)}") for each in open_questions]
+    for each in due if attended.simulated is None else ():
+        file, _, line = each.where.rpartition(":")
+        if problem := witnesses.missing(each.question):
+            findings.append(Finding(file, int(line), 1, problem))
     if findings:
         raise ConfigurationError(tuple(dict.fromkeys(findings)))
     if open_questions:
@@ -237,6 +256,31 @@ def require_answers(
             hint = "the simulated person has no files, and knows what simulated.person in the bench file maps: give"
             hint += " answers with --answers FILE, or --ask to answer at the terminal"
         raise Refused(f"nobody would answer {told}", hint)
+
+
+def require_witness_points(catalogue: Catalogue, run: Sequence[tuple[PlannedCase, Sequence[Foreseen]]]) -> None:
+    """Require that a witness whom a requirement asks for is asked for by a case of it, too.
+
+    Without one the run could not close the requirement, and who had to be present would be told afterwards.
+
+    Args:
+        catalogue: the requirements.
+        run: the cases that are run, each with the questions that it may ask.
+
+    Raises:
+        ConfigurationError: with every requirement whose witness no case asks for.
+    """
+    findings = []
+    for name in dict.fromkeys(name for case, _ in run for name in case.requirements):
+        item = catalogue.requirement(name)
+        asked = [each.question.witness for case, found in run if name in case.requirements for each in found]
+        due = item.witness or (SOMEBODY if item.independent else "")
+        if due and not any(each == SOMEBODY or (each and is_asked_for(item.witness, each)) for each in asked):
+            told = f"{name} needs a witness ({due}), and no question of its cases asks for one"
+            what = f"{told}; add operator.witness({due!r}, TEXT, name=NAME) where that person has to be present"
+            findings.append(Finding(item.place.path, item.place.line, item.place.column, what))
+    if findings:
+        raise ConfigurationError(tuple(findings))
 
 
 def _is_answered(each: Foreseen, prepared: Prepared, attended: Attended) -> bool:
@@ -264,7 +308,7 @@ def _surplus(prepared: Prepared, asked: Sequence[Foreseen]) -> Iterator[Finding]
                 yield _at(prepared, key, name, f"no case asks '{name}'{near}; correct the name, or remove it")
 
 
-def _unfit(each: Foreseen, prepared: Prepared, folder: Path, operator: str) -> Iterator[Finding]:
+def _unfit(each: Foreseen, prepared: Prepared, folder: Path, witnesses: Witnesses) -> Iterator[Finding]:
     """Give what is wrong with an answer, before it is given."""
     question, said = each.question, prepared.answers[each.name]
     if question.form == FILE:
@@ -272,15 +316,10 @@ def _unfit(each: Foreseen, prepared: Prepared, folder: Path, operator: str) -> I
             yield _at(prepared, "answer", each.name, f"'{each.name}': {problem}")
     elif (each.options or question.form in {"confirm", "measure"}) and understood(question, said) is None:
         yield _at(prepared, "answer", each.name, f"'{said}' does not answer '{each.name}': answer {form(question)}")
-    by = (prepared.by, operator)
-    problem = next(filter(None, (witness_problem(question, who, _witness(prepared, each)) for who in by)), "")
-    if problem:
+    witness = prepared.witnesses.get(each.name, "")
+    if problem := witnesses.problem(question, prepared.by, witness):
         told = f"{problem}; name another person under witnesses, as {each.name}: NAME"
-        yield _at(prepared, "witness" if each.name in prepared.witnesses else "answer", each.name, told)
-
-
-def _witness(prepared: Prepared, each: Foreseen) -> str:
-    return prepared.witnesses.get(each.name, "")
+        yield _at(prepared, "witness" if witness else "answer", each.name, told)
 
 
 def _at(prepared: Prepared, key: str, name: str, message: str) -> Finding:

@@ -16,18 +16,18 @@ from hil.executive.people.answers import (
     NobodyLive,
     SimulatedPerson,
     TerminalPerson,
-    Witnessed,
     load_answers,
 )
 from hil.executive.people.hands import ActedOut
 from hil.executive.people.questions import AnswerSource, Elsewhere
+from hil.executive.people.witnesses import Witnessed, Witnesses
 from hil.executive.setup.configuration import Request
 from hil.plugin.terminal.prompt import NoTerminal, Terminal
 
 __all__ = ["acted_out", "answers_of"]
 
 
-def answers_of(request: Request, shown: Callable[[Path], str]) -> Answering:
+def answers_of(request: Request, shown: Callable[[Path], str], witnesses: Witnesses) -> Answering:
     """Return what makes the source of answers.
 
     On a bench outside this process safety confirmations are a person's alone, whatever file was prepared.
@@ -35,6 +35,7 @@ def answers_of(request: Request, shown: Callable[[Path], str]) -> Answering:
     Args:
         request: names the answers file, and says whether a person answers in the place of the simulated one.
         shown: returns a path as people see it.
+        witnesses: says who may witness an answer.
 
     Raises:
         ConfigurationError: with everything that is wrong with the answers file.
@@ -42,6 +43,7 @@ def answers_of(request: Request, shown: Callable[[Path], str]) -> Answering:
     prepared = load_answers(request.answers, shown(request.answers)) if request.answers else None
 
     def make(bench: BoundBench, idle: Callable[[], None], elsewhere: Elsewhere) -> AnswerSource:
+        elsewhere.witnesses = witnesses.problem
         last = _person(request, bench, idle, elsewhere)
         source = last
         if prepared is not None and request.answers is not None:
@@ -49,7 +51,7 @@ def answers_of(request: Request, shown: Callable[[Path], str]) -> Answering:
             source = file if isinstance(last, Nobody) else FirstOf(file, last, frozenset(prepared.answers))
         if bench.live is not None:
             source = AskedLive(last if isinstance(last, TerminalPerson) else NobodyLive(), source)
-        return Witnessed(source, request.operator)
+        return Witnessed(source, witnesses)
 
     return make
 
