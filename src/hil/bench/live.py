@@ -75,7 +75,7 @@ def reach_of_served(spec: BenchSpec, folder: Path) -> Reach:
     """
     if on_host := [item.name for item in spec.instruments if item.bus and server_of(spec, item) is None]:
         raise Refused(
-            f"{', '.join(on_host)} of bench '{spec.name}' are on the host's own bus, which cannot be served",
+            f"bench '{spec.name}' has {', '.join(on_host)} on the host's own bus, which cannot be served",
             "run it with --source simulated alone, in one process",
         )
     ports, speed = ends_of(folder, spec.name)

@@ -141,7 +141,17 @@ def test_what_does_no_harm_needs_no_guard_and_is_named():
     """A sensor drives nothing but itself."""
     found = bench({"supply.a": Guardable(), "gyroscope": Foreign()}, safe_off=["supply.a"])
     assert plan(found).names == ("supply.a",)
-    assert harmless(found.spec) == ("gyroscope",)
+    assert harmless(found.spec, ("supply.a",)) == ("gyroscope",)
+
+
+def test_a_sensor_that_the_safe_off_names_is_not_the_guardians():
+    """It gives no bytes, and needs none; where its driver gives some, it is guarded like any output."""
+    found = bench({"supply.a": Guardable(), "gyroscope": Foreign()})
+    assert (plan(found).names, plan(found).cut) == (("supply.a",), ())
+    assert harmless(found.spec, plan(found).names) == ("gyroscope",)
+    given = bench({"gyroscope": Relays()})
+    assert plan(given).names == ("gyroscope",)
+    assert harmless(given.spec, plan(given).names) == ()
 
 
 def test_a_bench_that_is_not_covered_is_not_armed(tmp_path):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from hil.guardian.latch import path_of
 from hil.instruments.registry import ROLES
 from hil.instruments.roles import SafeByBytes
 from hil.instruments.wrapped import hosted_port, is_wrapped
-from hil.model.bench import BenchSpec, InstrumentSpec, SafeStep
+from hil.model.bench import BenchSpec, InstrumentSpec, SafeStep, Wire
 from hil.model.errors import Refused
 from hil.model.identity import Source
 from hil.model.safing import CutOutput, GuardedOutput, GuardedPort, GuardPlan
@@ -28,7 +28,8 @@ def plan_of(bench: BoundBench, folder: Path, leases: Sequence[str]) -> GuardPlan
     """Return what the guardian of a run on this bench knows.
 
     Every output that can do harm by its role, and every line of the safe-off, is in it: with the bytes that its driver
-    gives, or as one that is cut off by another output.
+    gives, or as one that is cut off by another output. A line of what does no harm by its role, such as a sensor that
+    is put to sleep, is the run's alone where the driver gives no bytes.
 
     Raises:
         Refused: if the guardian could not make an output safe; all of them are named.
@@ -39,10 +40,10 @@ def plan_of(bench: BoundBench, folder: Path, leases: Sequence[str]) -> GuardPlan
     without: dict[str, str] = {}
     for name in dict.fromkeys((*steps, *(wire.name for wire in spec.wiring if can_harm(wire)))):
         found = _guarded(bench, steps[name]) if name in steps else "is missing from safe_off"
-        if isinstance(found, str):
-            without[name] = found
-        else:
+        if not isinstance(found, str):
             outputs.append(found)
+        elif not _does_no_harm(spec.wire(name)):
+            without[name] = found
     by_bytes = {each.output for each in outputs}
     cut = tuple(
         CutOutput(output=name, cut_by=tuple(by for by in _cut_by(spec, name) if by in by_bytes), why=why)
@@ -61,12 +62,21 @@ def plan_of(bench: BoundBench, folder: Path, leases: Sequence[str]) -> GuardPlan
     )
 
 
-def harmless(spec: BenchSpec) -> tuple[str, ...]:
-    """Return what drives something, and is not guarded because its role says that it does no harm, such as a sensor."""
-    made_safe = {step.output for step in spec.safe_off}
+def harmless(spec: BenchSpec, guarded: Collection[str]) -> tuple[str, ...]:
+    """Return what drives something, and is not guarded because its role says that it does no harm, such as a sensor.
+
+    Args:
+        spec: the bench.
+        guarded: the outputs that the guardian makes safe.
+    """
     return tuple(
-        wire.name for wire in spec.wiring if wire.name not in made_safe and not can_harm(wire) and _drives(wire.role)
+        wire.name for wire in spec.wiring if wire.name not in guarded and not can_harm(wire) and _drives(wire.role)
     )
+
+
+def _does_no_harm(wire: Wire) -> bool:
+    """Return whether a role is known that says so: of an unknown one nobody knows."""
+    return ROLES.find(wire.role) is not None and not can_harm(wire)
 
 
 def _drives(name: str) -> bool:

@@ -126,7 +126,7 @@ class Guarding:
     def _left(self, plan: GuardPlan) -> str:
         """Return what the guardian does not look after."""
         nothing = "" if plan.names else "; it guards no output, so it proves nothing"
-        others = ", ".join(harmless(self._bench.spec))
+        others = ", ".join(harmless(self._bench.spec, plan.names))
         return nothing + (f"; not guarded, because they do no harm by their roles: {others}" if others else "")
 
     def passed(self) -> None:
