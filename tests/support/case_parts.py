@@ -20,7 +20,6 @@ from hil.executive.cases.escapes import Escapes
 from hil.executive.cases.facade import Facade
 from hil.executive.cases.operator import Operator
 from hil.executive.cases.recorder import Recorder
-from hil.executive.cases.recording import required_gaps
 from hil.executive.cases.steps import Steps
 from hil.executive.ending.stop import StopFlags
 from hil.executive.journaling.row_store import RowStore
@@ -293,9 +292,7 @@ class Case:
             steps=steps,
             effects=effects,
             check=Checks(chosen, steps, self.written),
-            record=Recorder(
-                steps, self.scheduler, effects, self.store, Source.SIMULATED, required_gaps(chosen.values())
-            ),
+            record=Recorder(steps, self.scheduler, effects, self.store, Source.SIMULATED, tuple(chosen.values())),
             artifact=Artifacts(steps, effects, self.written, attachments, set()),
             chart=Charts(chosen, steps, self.written),
             operator=Operator(

@@ -21,7 +21,6 @@ from hil.executive.cases.escapes import Escapes
 from hil.executive.cases.facade import Facade, RoleSet, facades
 from hil.executive.cases.operator import Operator
 from hil.executive.cases.recorder import Recorder
-from hil.executive.cases.recording import required_gaps
 from hil.executive.cases.steps import Steps
 from hil.executive.ending.copies import kept_from_copies
 from hil.executive.ending.signals import handle_signals
@@ -251,7 +250,7 @@ class Session:
             effects=effects,
             check=Checks(requirements, steps, journal, partial(self.configuration.stands, planned.plan)),
             record=Recorder(
-                steps, scheduler, effects, self.record.store, self.bench.source, required_gaps(requirements.values())
+                steps, scheduler, effects, self.record.store, self.bench.source, tuple(requirements.values())
             ),
             operator=Operator(self._answers, effects, steps, journal, shelf, at_hand(self.configuration, planned.plan)),
             artifact=Artifacts(steps, effects, journal, shelf.folder, self._made),

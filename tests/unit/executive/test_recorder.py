@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import chain, repeat
 from types import SimpleNamespace
 
 import numpy as np
@@ -17,7 +18,7 @@ from hil.executive.ending.stop import Stopped
 from hil.model.errors import Misused, NoReply
 from hil.model.figure import Figure
 from hil.requirements.decision import judge
-from hil.requirements.requirement import Records
+from hil.requirements.requirement import Kind, Records, Requirement
 
 
 def test_sample_k_is_taken_at_k_over_rate(tmp_path):
@@ -167,6 +168,29 @@ def test_a_whole_recording_meets_every_criterion():
 def test_each_criterion_fails_for_its_reason(parameter, changed):
     """A channel, the end, some time, the rate or a gap: each has its own criterion."""
     assert verdicts(recorded(**changed))[parameter] == "FAIL"
+
+
+@pytest.mark.parametrize(
+    ("takes_s", "required_s", "rows", "verdict"),
+    [
+        ([0.00109], 1.0, 11, "PASS"),
+        ([0.001, 0.00109], 1.0, 10, "PASS"),
+        ([0.00109], 0.9, 10, "PASS"),
+        ([0.00109], 2.0, 10, "FAIL"),
+        ([0.00109], None, 10, None),
+    ],
+)
+def test_a_recording_of_the_required_time_lasts_so_long(tmp_path, takes_s, required_s, rows, verdict):
+    """A first sample that came 90 us late leaves it short: one more is taken, and nothing is excused."""
+    asked = Records(recording="field", channels=("x", "y"), rate_hz=10.0, duration_s=required_s)
+    entry = Requirement(id="T-031", rev=1, text="Record.", kind=Kind.RECORD, records=asked)
+    case = Case(tmp_path, asked=(entry,))
+    times = chain(takes_s, repeat(0.001))
+    case.sensor._clock = SimpleNamespace(sleep=lambda _: case.clock.sleep(next(times)))
+    taken = case.run.record("field", case.field, duration=1.0, rate=10.0)
+    assert len(taken) == rows
+    found = {limit.parameter: judge(value, limit) for limit, value, _ in data_checks(asked, case.run.record.taken)}
+    assert [str(each.verdict) for name, each in found.items() if name == "duration"] == ([verdict] if verdict else [])
 
 
 def test_a_missing_channel_is_told_with_those_that_are_there():

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -16,6 +15,7 @@ from hil.evidence import events
 from hil.evidence.recordings.hdf5 import Recorded, read_recording
 from hil.executive.cases.capturing import Capturing
 from hil.executive.cases.certificate import standard_uncertainty, uncovered
+from hil.executive.cases.demanded import Demanded
 from hil.executive.cases.during import During
 from hil.executive.cases.effects import Effects
 from hil.executive.cases.escapes import OfThisProcess
@@ -32,6 +32,7 @@ from hil.instruments.sampled import Frame, Streamed, StreamReport
 from hil.model.errors import Misused
 from hil.model.identity import Source
 from hil.model.provenance import Provenance, RecordedUnit
+from hil.requirements.requirement import Requirement
 from hil.requirements.units import same
 
 if TYPE_CHECKING:
@@ -50,8 +51,7 @@ class Recorder(OfThisProcess):
         effects: where a recording is noted as an effect.
         store: opens row files.
         source: where the bench's bytes come from.
-        gaps: by the name of a recording that a requirement of the case asks for, the longest gap in s that it allows;
-            infinite where it says nothing of gaps.
+        asked: the requirements of the case, which may ask for recordings.
     """
 
     said = "`record`"
@@ -63,14 +63,14 @@ class Recorder(OfThisProcess):
         effects: Effects,
         store: RowStore,
         source: Source,
-        gaps: Mapping[str, float] = MappingProxyType({}),
+        asked: Sequence[Requirement] = (),
     ) -> None:
         self._steps = steps
         self._scheduler = scheduler
         self._effects = effects
         self._store = store
         self._source = source
-        self._gaps_ns = {name: round(gap * NANOSECONDS) if math.isfinite(gap) else None for name, gap in gaps.items()}
+        self._demanded = Demanded(asked)
         self._taken: list[Mapping[str, object]] = []
         self._beside: list[Taking] = []
 
@@ -82,9 +82,8 @@ class Recorder(OfThisProcess):
     def __call__(self, name: str, *sources: Facade, duration: float, rate: float, continues: bool = False) -> Recording:
         """Sample roles at `rate` [Hz] for `duration` [s] of bench time.
 
-        Sample k is taken at k / rate after the first, whatever the samples before it took. With one
-        role the channels have its names; with several they are `role.channel`. A role that can sample by
-        itself is streamed: the times are those of its own clock, counted from the beginning.
+        Sample k is taken at k / rate after the first, whatever the samples before it took. Channels have the names of
+        one role; of several `role.channel`. A role that samples by itself is streamed, in the times of its own clock.
 
         A run that was stopped in this recording makes it again from its beginning. One that `continues` continues in it
         instead, after a gap, until the samples from before and after together last as long.
@@ -257,11 +256,12 @@ class Recorder(OfThisProcess):
         complete, feed, done = False, None, recording.rows.rows
         try:
             if done:  # the run was stopped in it, and the bench armed again
-                share = scheduler.share(replace(share.pace, count=count - done), fed)
+                share = scheduler.share(replace(share.pace, count=max(1, count - done)), fed)
             feed = scheduler.feed(fed, 1 / facts.rate, facts.recording) if fed else None
             bus.shares.append(share)
             start_ns = scheduler.now_ns() - round(done * NANOSECONDS / facts.rate)
-            for index in range(done, count):
+            index = done
+            while index < count or (index == count and self._demanded.is_short(facts, recording.rows.covers_s())):
                 due_ns = start_ns + round(index * NANOSECONDS / facts.rate)
                 scheduler.wait_until(due_ns)
                 began_ns = scheduler.now_ns()
@@ -272,6 +272,7 @@ class Recorder(OfThisProcess):
                 share.sampled(index - done, began_ns, now_ns)
                 if feed:
                     scheduler.judge(feed, [[now_ns / NANOSECONDS, *row]])
+                index += 1
             complete = True
         finally:
             bus.leave(share)
@@ -295,8 +296,8 @@ class Recorder(OfThisProcess):
             period_ns=period_ns,
             sample_ns=sample_ns or period_ns // 2,
             count=count,
-            gap_ns=self._gaps_ns.get(facts.name),
-            required=facts.name in self._gaps_ns,
+            gap_ns=self._demanded.gaps_ns.get(facts.name),
+            required=facts.name in self._demanded.gaps_ns,
             skips=count is None,
         )
         share = scheduler.share(pace, fed)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, cast
 
@@ -15,7 +14,7 @@ from hil.executive.watching.sharing import Course
 from hil.instruments.sampled import StreamReport
 from hil.model.figure import Figure, FigureStatus
 from hil.model.provenance import Number, Provenance, merged, stamped
-from hil.requirements.requirement import Decision, Limit, Records, Requirement
+from hil.requirements.requirement import Decision, Limit, Records
 
 if TYPE_CHECKING:
     import numpy as np
@@ -31,7 +30,6 @@ __all__ = [
     "data_checks",
     "delayed_before",
     "recorded_as",
-    "required_gaps",
 ]
 
 
@@ -192,15 +190,6 @@ def delayed_before(recorded: Recorded, voids: Sequence[events.Voided]) -> str:
 
 Criterion = tuple[Limit, Figure | str, str]
 """What must hold, what was found, and a reason where that says more than the two; else empty."""
-
-
-def required_gaps(requirements: Iterable[Requirement]) -> dict[str, float]:
-    """Return by recording the longest gap in s that requirements allow, infinite where they ask for a rate only."""
-    asked = [each.records for each in requirements if each.records and (each.records.rate_hz or each.records.max_gap_s)]
-    gaps: dict[str, float] = {}
-    for each in asked:
-        gaps[each.recording] = min(gaps.get(each.recording, math.inf), each.max_gap_s or math.inf)
-    return gaps
 
 
 def recorded_as(records: Records, taken: Sequence[Mapping[str, object]]) -> list[Mapping[str, object]]:

@@ -1,0 +1,46 @@
+"""What requirements demand of recordings while they are taken: gaps that they allow, and how long they last."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from hil.clock.port import NANOSECONDS
+from hil.evidence import events
+from hil.requirements.requirement import Requirement
+
+__all__ = ["Demanded"]
+
+
+class Demanded:
+    """What the requirements of a case demand of its recordings.
+
+    Args:
+        requirements: of the case.
+
+    Attributes:
+        gaps_ns: by recording the longest gap that they allow [ns], None where they ask for a rate only.
+    """
+
+    def __init__(self, requirements: Sequence[Requirement]) -> None:
+        asked = [each.records for each in requirements if each.records]
+        gaps: dict[str, float] = {}
+        self._durations: dict[str, float] = {}
+        for each in asked:
+            if each.rate_hz or each.max_gap_s:
+                gaps[each.recording] = min(gaps.get(each.recording, math.inf), each.max_gap_s or math.inf)
+            self._durations[each.recording] = max(self._durations.get(each.recording, 0.0), each.duration_s or 0.0)
+        self.gaps_ns = {name: round(gap * NANOSECONDS) if math.isfinite(gap) else None for name, gap in gaps.items()}
+
+    def is_short(self, facts: events.Recording, covers_s: float) -> bool:
+        """Return whether a recording that was asked for as long as is demanded does not last so long.
+
+        Its samples are stamped when they have come. If the first one took longer to come than the last one, the
+        recording lasts that much less.
+
+        Args:
+            facts: the recording.
+            covers_s: the time from its first row to its last one [s].
+        """
+        due_s = self._durations.get(facts.name, 0.0)
+        return (facts.duration or 0.0) >= due_s > round(covers_s + 1 / facts.rate, 9)
