@@ -129,6 +129,49 @@ def events(workspace, kind):
     return [event for event in bodies(read_journal(folder / JOURNAL)) if event["kind"] == kind]
 
 
+GIVEN = """\
+    operator.attach("A photo of the plates", name="photo", accepts=("picture",))
+    supply.charge.configure("""
+SEEN = """\
+    operator.witness("quality", "The plates are bare", name="bare")
+    supply.charge.configure("""
+ANSWERS = "schema: hil/answers/1\nby: Ada\nanswers: {bare: 'yes'}\n"
+
+
+@pytest.mark.parametrize(
+    ("asks", "answers", "told"),
+    [
+        (GIVEN, "", "nobody would answer 'photo' (testplans/on/test_on.py:"),
+        (SEEN, "", "nobody would answer 'bare' (testplans/on/test_on.py:"),
+        (GIVEN, ANSWERS.replace("bare: 'yes'", "photo: none.png"), "none.png: there is no such file; check its path"),
+        (SEEN, ANSWERS, "'bare' needs a witness (quality), and none is named"),
+        (SEEN, ANSWERS + "witnesses: {bare: Ada}\n", "Ada cannot witness an own answer"),
+        (SEEN, ANSWERS + "witnesses: {bare: Zoe}\n", "Zoe is not in fixtures/signers.yaml"),
+        (SEEN, ANSWERS + "witnesses: {bare: Tess}\n", "Tess has neither this role on "),
+    ],
+    ids=["no-file", "no-witness", "missing-file", "unnamed", "own", "stranger", "other-role"],
+)
+def test_what_nobody_answers_ends_the_command_before_anything_is_switched_on(tmp_path, folder, asks, answers, told):
+    """Without a terminal: exit 4, no folder of a run, and every output is as it was."""
+    workspace = workspace_of(tmp_path / "w")
+    case = workspace.root / "testplans/on/test_on.py"
+    text = case.read_text().replace("(supply, thermal,", "(operator, supply, thermal,")
+    case.write_text(text.replace("    supply.charge.configure(", asks))
+    (workspace.root / "fixtures/signers.yaml").write_text(
+        "schema: hil/signers/1\nsigners:\n- {principal: ada@x, name: Ada}\n- {principal: tess@x, name: Tess}\n"
+        "- {principal: quinn@x, name: Quinn, roles: [{role: quality, since: '2026-01-01'}]}\n"
+    )
+    given = ()
+    if answers:
+        (workspace.root / "answers.yaml").write_text(answers)
+        given = ("--answers", "answers.yaml")
+    with served(folder) as bench:
+        ended = workspace.hil(*RUN, "--served", str(folder), *given)
+        assert (ended.code, workspace.folders()) == (4, []), ended.out + ended.err
+        assert told in ended.err
+        assert bench.on() == set()
+
+
 def test_an_unattended_run_is_armed_once_somebody_on_call_gave_the_code_back(tmp_path, folder):
     """A wrong code is told and changes nothing; name, hour and people are evidence."""
     workspace = workspace_of(tmp_path / "w")
