@@ -21,9 +21,15 @@ from hil.model.figure import Figure
 __all__ = ["Flight", "Phase", "flight_phases"]
 
 _NOISE = 500  # samples at rest from which white noise is told
+_MOST = 20  # rests whose white noise is told: a fit takes its time
 _TURNS = 3.0  # turns from which the field tells a rate
 _FLAT = 0.1  # of its radius, off the plane: a field that leaves it more does not turn about one axis
 _RIPPLE = 0.03  # of the field, rms: a calibrated magnetometer in a field that stays shows less
+_LARGEST = 10.0  # deg/s: small gyroscopes have a smaller bias
+_WANDER = 0.01  # of the field: it stands still while it differs by less between the thirds of a rest
+_THIRDS = 3
+_INNER = 5  # windows of a motion, from which on the first and the last play no part
+_EARTH = (15.0, 75.0)  # uT: its field from the ground to low orbits
 _OFF = 0.1  # by which both sensors may differ: scale, alignment and iron that nobody has calibrated
 
 _Array = NDArray[np.float64]
@@ -39,7 +45,9 @@ class Phase:
         begin, end: when, in s after the first sample; to within a window.
         rates: mean rate of each axis as read: at rest the bias.
         white: white noise of each axis at rest, two-sided, as the Allan deviation tells it; not observable elsewhere.
-        turning: mean magnitude of the rate without the bias.
+        turning: rms magnitude of the rate without bias and noise; not observable at rest, and where it is less than
+            twice its uncertainty. The first and the last window of a motion, in which it may have begun or ended, play
+            no part where there are five.
         field: mean magnitude of the field, None without a magnetometer.
         ripple: standard deviation of that magnitude, relative; calibrated magnetometers show little in a rotation.
         turns: how often the field turned about one axis, not observable where it turned otherwise or too little.
@@ -94,6 +102,7 @@ def flight_phases(  # noqa: PLR0913 - two sensors, each with what is known of it
     radians: float,
     field: ArrayLike | None = None,
     field_unit: str = "uT",
+    microtesla: float = math.nan,
     window: float = 2.0,
     shortest: float = 10.0,
     facts: Facts | None = None,
@@ -109,6 +118,7 @@ def flight_phases(  # noqa: PLR0913 - two sensors, each with what is known of it
         radians: how many rad/s one `unit` is, NaN if that is not known.
         field: of the magnetometer, shape (n, 3), at the same times.
         field_unit: of the field.
+        microtesla: how many uT one `field_unit` is, NaN if that is not known.
         window: in s.
         shortest: phase that is told, in s.
         facts, field_facts: what is known of the sensors, for the gates.
@@ -127,16 +137,22 @@ def flight_phases(  # noqa: PLR0913 - two sensors, each with what is known of it
     seen = motions(table, vectors, width, still=still, shortest=max(1, round(shortest * rate / width)))
     logged = _Logged(
         rates=table, field=vectors, rate=rate, unit=unit, field_unit=field_unit, radians=radians, bias=seen.bias,
+        noise=seen.noise, width=width,
         facts=facts or Facts(), field_facts=field_facts or Facts(),
     )  # fmt: skip
-    phases = [logged.phase(each) for each in seen.runs]
+    lasting = sorted((each for each in seen.runs if each.kind is Kind.REST), key=lambda each: each.first - each.after)
+    phases = [logged.phase(each, noise=each in lasting[:_MOST]) for each in seen.runs]
     return Flight(
         unit=unit,
         window=width / rate,
         bias=tuple(seen.bias.tolist()),
         noise=tuple(seen.noise.tolist()),
         phases=tuple(phases),
-        remarks=tuple(_remarks(calm=seen.calm, alone=vectors is None, still=f"{still:g} {unit}")),
+        remarks=(
+            *_remarks(calm=seen.calm, alone=vectors is None, still=f"{still:g} {unit}"),
+            *(() if vectors is None else _no_earth(vectors, microtesla)),
+            *([f"white noise is told of the {_MOST} longest of {len(lasting)} rests"] if len(lasting) > _MOST else []),
+        ),
     )
 
 
@@ -145,6 +161,14 @@ def _remarks(*, calm: bool, alone: bool, still: str) -> Iterator[str]:
         yield "nothing was at rest: the rates hold the bias"
     if alone:
         yield f"without a magnetometer a steady turn of less than {still} is taken for rest"
+
+
+def _no_earth(vectors: _Array, microtesla: float) -> Iterator[str]:
+    sizes = present(np.sqrt(np.square(vectors).sum(axis=1))) * microtesla
+    size = float(np.median(sizes)) if sizes.size else math.nan
+    low, high = _EARTH
+    if math.isfinite(size) and not low <= size <= high:
+        yield f"the field has {size:.3g} uT, the earth's {low:g} to {high:g}: check columns, unit and what is near"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -158,28 +182,40 @@ class _Logged:
     field_unit: str
     radians: float
     bias: _Array
+    noise: _Array
+    width: int
     facts: Facts
     field_facts: Facts
 
-    def phase(self, run: Run) -> Phase:
-        """Return what happened in a run."""
+    def phase(self, run: Run, *, noise: bool) -> Phase:
+        """Return what happened in a run, with its white noise or without it."""
         kind, first, after = run.kind, run.first, run.after
         bare = Phase(kind=kind, first=first, last=after - 1, begin=first / self.rate, end=after / self.rate)
         if kind is Kind.MISSING:
             return bare
         part = self.rates[first:after]
-        away = np.sqrt(np.square(part - self.bias).sum(axis=1))
         found = replace(
             bare,
             rates=tuple(mean(present(column), self.unit) for column in part.T),
-            white=tuple(self._white(column) for column in part.T) if kind is Kind.REST else (),
-            turning=mean(present(away), self.unit),
+            white=tuple(self._white(column, told=noise) for column in part.T) if kind is Kind.REST else (),
+            turning=not_observable(self.unit) if kind is Kind.REST else self._turning(part),
             gates=_gates("rate", part, self.facts, self.rate, at_rest=kind is Kind.REST),
         )
+        if kind is Kind.REST and math.isfinite(self.radians):
+            found = replace(found, gates=(*found.gates, *_likely(found.rates, math.degrees(self.radians))))
         return found if self.field is None else self._with_field(found, self.field[first:after], still=run.still_field)
 
-    def _white(self, column: _Array) -> Figure:
-        if present(column).size < _NOISE:
+    def _turning(self, part: _Array) -> Figure:
+        inner = part[self.width : -self.width] if len(part) >= _INNER * self.width else part
+        squares = mean(present(np.square(inner - self.bias).sum(axis=1)), self.unit)
+        turning = squares.value - float(np.square(self.noise).sum())
+        if squares.uncertainty is None or not turning > 2.0 * squares.uncertainty:
+            return not_observable(self.unit)
+        rms = math.sqrt(turning)
+        return Figure(value=rms, unit=self.unit, uncertainty=squares.uncertainty / (2.0 * rms), dof=squares.dof)
+
+    def _white(self, column: _Array, *, told: bool) -> Figure:
+        if not told or present(column).size < _NOISE:
             return not_observable(f"{self.unit}/sqrt(Hz)")
         return characterise(column, self.rate, self.unit, holes=True).white
 
@@ -197,7 +233,7 @@ class _Logged:
             gates=(
                 *found.gates,
                 *_gates("field", vectors, self.field_facts, self.rate, at_rest=found.kind is Kind.REST),
-                _agrees(agreement),
+                _stands(vectors, middle) if found.kind is Kind.REST else _agrees(agreement),
             ),
             remark=_odd(found.kind, still_field=still, turned=turns.value, ripple=ripple),
         )
@@ -255,6 +291,30 @@ def _gates(sensor: str, part: _Array, facts: Facts, rate: float, *, at_rest: boo
         return (*infinite, *quality.read(channels, facts, rate))
     each = [gate for name, values in channels.items() for gate in (stuck(name, values), saturated(name, values, facts))]
     return (*infinite, repeated(channels), *each)
+
+
+def _likely(rates: tuple[Figure, ...], degrees: float) -> Iterator[Gate]:
+    """Trip where what is read at rest is more than a bias: a steady spin is as quiet as rest."""
+    for axis, figure in zip(AXES, rates, strict=True):
+        size = abs(figure.value) * degrees
+        reason = f"it reads {size:.3g} deg/s, more than a bias is: a steady turn about the field, or another unit"
+        if size > _LARGEST:
+            yield Gate(name="bias", channel=f"rate {axis}", ok=False, reason=reason)
+
+
+def _stands(vectors: _Array, middle: Figure) -> Gate:
+    """Trip where the field turned in a rest: so slowly that no window shows it, and the bias holds it."""
+    whole = vectors[np.isfinite(vectors).all(axis=1)]
+    parts = np.array_split(whole, _THIRDS)
+    means = np.array([part.mean(axis=0) for part in parts])
+    doubt = float(max(np.linalg.norm(np.diff(part, axis=0).std(axis=0)) / math.sqrt(2.0 * len(part)) for part in parts))
+    moved = max(float(np.linalg.norm(means[one] - means[other])) for one, other in ((0, 1), (1, 2), (0, 2)))
+    angle = math.degrees(moved / middle.value) if middle.value > 0.0 else 0.0
+    reason = (
+        f"its field turned by {angle:.2g} deg from one third to another: the bias holds a slow turn, unless the field"
+    )
+    ok = moved <= max(_WANDER * middle.value, SURE * math.sqrt(2.0) * doubt)
+    return Gate(name="stands", channel="", ok=ok, reason=f"{reason} itself did")
 
 
 def _agrees(agreement: Figure) -> Gate:

@@ -28,6 +28,7 @@ SURE = 5.0
 _QUIETEST = 0.2  # of the windows: what scatters as little as these is noise
 _LOUDER = 1.6  # times the noise: what scatters less is noise as well
 _MOVED = 0.01  # of the field: it drifts by less while nothing turns
+_SWINGS = 0.1  # of the field, rms: noise is less, also where every window swings as much as the others
 _ANOTHER = 0.3  # of a rate, by which it changes at once where another turn begins
 
 _Array = NDArray[np.float64]
@@ -151,9 +152,10 @@ class _Windows:
         its = self.field
         around = np.pad(its.means, ((1, 1), (0, 0)), mode="edge")
         away = np.abs(around[2:] - around[:-2]).max(axis=1)
-        least = _MOVED * float(np.median(np.sqrt(np.square(its.means[~its.missing]).sum(axis=1)), axis=0))
-        limit = max(least, SURE * float(its.noise.max()) * math.sqrt(2.0 / self.width))
-        moved: NDArray[np.bool_] = (~its.quiet() | (away > limit)) & ~self.missing
+        size = float(np.median(np.sqrt(np.square(its.means[~its.missing]).sum(axis=1)), axis=0))
+        limit = max(_MOVED * size, SURE * float(its.noise.max()) * math.sqrt(2.0 / self.width))
+        swings = its.trimmed.max(axis=1) > _SWINGS * size
+        moved: NDArray[np.bool_] = (~its.quiet() | swings | (away > limit)) & ~self.missing
         return moved
 
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 import sweeps
-from flights import BIAS, made, turning
+from flights import BIAS, FIELD, made, turning
 
 from hil.analysis.flight import flight_phases
 from hil.analysis.gates import Facts
@@ -161,7 +161,61 @@ def test_a_log_that_never_rests_says_so():
     assert "nothing was at rest: the rates hold the bias" in its.remarks
 
 
+@pytest.mark.parametrize("seed", sweeps.sample(range(20), 2))
+def test_turning_is_told_without_bias_noise_and_ends(seed):
+    """12 deg/s to within its doubt although the phase begins and ends in windows at rest; nothing at rest."""
+    its = found(*made([STILL, SPIN, turning(60, RATE, (0.5, 0.3, 0.0)), STILL], RATE, seed=seed))
+    rest, spin, slow, _ = its.phases
+    assert rest.turning.status is FigureStatus.NOT_OBSERVABLE
+    assert spin.turning.value == pytest.approx(12.0, abs=0.015)
+    assert slow.turning.value == pytest.approx(math.hypot(0.5, 0.3), abs=0.015)
+
+
+def test_a_steady_fast_spin_is_no_rest():
+    """Attack: it turns in every window by more than a turn, so that all of them are alike."""
+    its = found(*made([turning(200, RATE, (0.0, 0.0, 200.0))], RATE))
+    assert [phase.kind.value for phase in its.phases] == ["rotation"]
+    assert "nothing was at rest: the rates hold the bias" in its.remarks
+
+
+def test_a_steady_spin_about_the_field_has_no_bias():
+    """Attack: nothing moves for the magnetometer, and the rates stay: more than a bias is."""
+    its = found(*made([turning(120, RATE, tuple(25.0 * FIELD / np.linalg.norm(FIELD)))], RATE))
+    assert {name for _, name in tripped(its)} == {"bias"}
+
+
+def test_a_slow_tumble_near_the_noise_is_no_rest_without_a_word():
+    """Attack: 0.2 deg/s about axes that change: what is called rest says that its field turned, if it lasts 12 s."""
+    seconds = np.arange(6000) / RATE
+    axes = [0.15 * np.sin(seconds / 40.0), 0.15 * np.cos(seconds / 55.0), 0.1 * np.sin(seconds / 23.0)]
+    its = found(*made([np.stack(axes, axis=1)], RATE))
+    at_rest = [(number, phase) for number, phase in enumerate(its.phases) if phase.kind is Kind.REST]
+    resting = {number for number, phase in at_rest if phase.end - phase.begin >= 12.0}
+    assert resting
+    assert {number for number, name in tripped(its) if name == "stands"} >= resting
+
+
+def test_a_field_of_another_size_than_the_earths_is_told():
+    """Sensors whose columns were taken for each other, or nT called uT; of counts nobody knows."""
+    rates, field = made([STILL, SPIN, STILL], RATE)
+    assert found(rates, field, microtesla=1.0).remarks == ()
+    (told_of,) = found(rates, field * 1000.0, microtesla=1.0).remarks
+    assert told_of.startswith("the field has 4.68e+04 uT, the earth's 15 to 75")
+    assert found(rates, field * 1000.0).remarks == ()
+
+
 def test_a_log_of_a_few_windows_is_refused():
     """Nothing could be compared."""
     with pytest.raises(Refused, match=r"15 s are less than 10 windows of 2 s"):
         found(*made([turning(15, RATE)], RATE))
+
+
+def test_white_noise_is_told_of_the_longest_rests(monkeypatch):
+    """A fit takes its time; the others have their bias, and that is said."""
+    monkeypatch.setattr("hil.analysis.flight._MOST", 1)
+    its = found(*made([STILL, SPIN, turning(80, RATE)], RATE))
+    first, _, last = its.phases
+    assert {figure.status for figure in first.white} == {FigureStatus.NOT_OBSERVABLE}
+    assert all(figure.value > 0.0 for figure in last.white)
+    assert all(figure.uncertainty > 0.0 for figure in first.rates)
+    assert its.remarks == ("white noise is told of the 1 longest of 2 rests",)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
@@ -97,3 +98,22 @@ def test_what_cannot_be_is_refused(options, reason):
     """In a sentence that says what to give."""
     with pytest.raises(Refused, match=reason):
         run(LOG, *options)
+
+
+def test_an_infinite_reading_is_told(tmp_path):
+    """It is left out as one that is missing, and the log is in doubt."""
+    lines = Path(LOG).read_text().splitlines()
+    header = next(number for number, line in enumerate(lines) if line.startswith("t,"))
+    cells = lines[header + 800].split(",")
+    lines[header + 800] = ",".join([cells[0], "inf", *cells[2:]])
+    (tmp_path / "log.csv").write_text("\n".join(lines) + "\n")
+    result = run(tmp_path / "log.csv", *BOTH)
+    assert result.return_value == 1
+    assert "INCONCLUSIVE: finite of gx: 1 of 2800 samples are not finite numbers" in " ".join(result.stdout.split())
+
+
+@pytest.mark.parametrize("name", ["flight", "drift"])
+def test_columns_that_must_be_named_have_no_default(name):
+    """The help of other analyses says which columns they take by themselves."""
+    told = CliRunner().invoke(command, [name, "--help"]).output
+    assert "by default" not in told.partition("--columns A,B,C")[2].partition("--unit")[0]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -26,7 +27,7 @@ _HARMLESS = frozenset({"aliased", "alike", "density", "steady"})  # of gates on 
 
 
 @click.command("drift", short_help="Compute drift over temperature and hysteresis.")
-@log_options
+@partial(log_options, columns="Columns of the axes, by number or name.")
 @click.option("--temperature", required=True, metavar="COLUMN", help="Column of temperatures in degC.")
 @click.option(
     "--reference",

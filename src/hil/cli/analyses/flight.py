@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -24,7 +25,7 @@ _SECONDS = click.FloatRange(min=0.0, min_open=True)
 
 
 @click.command("flight", short_help="Find rest and rotation in a flight log.")
-@log_options
+@partial(log_options, columns="Columns of the rates of x, y and z, by number or name.")
 @click.option("--field", metavar="A,B,C", help="Columns of the magnetometer, by number or name.")
 @unit_option("--field-unit", help="Unit of the magnetometer's numbers, such as uT or LSB.")
 @click.option("--field-full-scale", type=float, metavar="VALUE", help="Largest reading of the magnetometer.")
@@ -69,7 +70,8 @@ def flight(  # noqa: PLR0913 - one argument per option
     found = flight_phases(
         _table(rates), rates.rate, rates.unit,
         still=limit, radians=radians, field=None if vectors is None else _table(vectors),
-        field_unit=logs[-1].unit, window=window, shortest=shortest, facts=wanted.facts(),
+        field_unit=logs[-1].unit, microtesla=_microtesla(logs[-1].unit),
+        window=window, shortest=shortest, facts=wanted.facts(),
         field_facts=replace(wanted.facts(), lsb=None, noise_density=None, bandwidth=None, full_scale=field_full_scale),
     )  # fmt: skip
     if plot is not None:
@@ -87,7 +89,7 @@ def _sensors(wanted: Wanted, field: str | None, unit: str | None, full_scale: fl
         if columns is not None and columns.count(",") != 2:
             raise Refused(f"{option} names {columns.count(',') + 1} columns", "name those of x, y and z")
     if wanted.columns is None:
-        raise Refused("--columns is missing", "name the columns of the rates of x, y and z")
+        raise Refused("--columns is missing: rest is told by the rates", "name the columns of the rates of x, y and z")
     if (field is None) != (unit is None):
         raise Refused("--field and --field-unit belong together", "give both, or neither")
     if field is None or unit is None:
@@ -109,6 +111,15 @@ def _rates(unit: str, still: float | None) -> tuple[float, float]:
                 "give --scale and --scaled-unit deg/s, or --still in this unit",
             ) from None
         return still, math.nan
+
+
+def _microtesla(unit: str) -> float:
+    from hil.requirements.units import convert  # noqa: PLC0415 - slow to import
+
+    try:
+        return convert(1.0, unit, "uT")
+    except HilError:
+        return math.nan
 
 
 def _table(log: Log) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:

@@ -161,7 +161,7 @@ def _log(
 
     facts = wanted.facts()
     sampled = () if timed.report is None else quality.sampled(timed.seconds, timed.report, facts)
-    asked = quality.read(channels, facts, timed.rate) if at_rest else ()
+    asked = quality.read(channels, facts, timed.rate) if at_rest else _infinite(channels)
     coped = _COPED if timed.report is None or timed.report.jitter <= _JITTER else _COPED - {"jitter"}
     if not any(np.isinf(values).any() for values in channels.values()):
         coped |= {"finite"}
@@ -175,6 +175,15 @@ def _log(
         remarks=(*remarks, *_missing(channels, timed.report, parts), *_rounded(channels, facts)),
         coped=coped,
     )
+
+
+def _infinite(channels: Mapping[str, NDArray[np.float64]]) -> tuple[Gate, ...]:
+    """Ask of samples that were not taken at rest whether any is infinite; what is NaN counts as missing."""
+    import numpy as np  # noqa: PLC0415 - start-up stays light
+
+    from hil.analysis.gates import finite  # noqa: PLC0415 - start-up stays light
+
+    return tuple(finite(name, values[~np.isnan(values)]) for name, values in channels.items())
 
 
 def named_units(columns: Iterable[str], unit: str) -> tuple[Gate, ...]:

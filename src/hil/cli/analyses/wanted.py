@@ -100,14 +100,18 @@ def time_unit_option(command: _Command) -> _Command:
     )(command)
 
 
+def _columns_option(told: str) -> Callable[[_Command], _Command]:
+    """Give a command `--columns`, with what it says of them."""
+    return click.option("--columns", metavar="A,B,C", help=told)
+
+
+_COLUMNS = _columns_option("Columns of rates, by number or name; all but the time by default.")
 _OPTIONS: tuple[Callable[[Callable[..., Any]], Callable[..., Any]], ...] = (
     click.argument("file", type=click.Path(path_type=Path)),
     click.option("--time", metavar="COLUMN", help="Column of timestamps, by number or name."),
     time_unit_option,
     click.option("--rate", type=float, metavar="HZ", help="Samples per second, if the log has no timestamps."),
-    click.option(
-        "--columns", metavar="A,B,C", help="Columns of rates, by number or name; all but the time by default."
-    ),
+    _COLUMNS,
     unit_option("--unit", required=True, help="Unit of the numbers in the file, such as deg/s or LSB."),
     click.option("--scale", type=float, metavar="FACTOR", help="How many --scaled-unit one --unit is."),
     unit_option("--scaled-unit", help="Unit after scaling, such as deg/s."),
@@ -127,8 +131,13 @@ _OPTIONS: tuple[Callable[[Callable[..., Any]], Callable[..., Any]], ...] = (
 )
 
 
-def log_options(command: _Command) -> Callable[..., Any]:
-    """Give a command the options that say which samples are meant; it gets them as one argument, `wanted`."""
+def log_options(command: _Command, *, columns: str = "") -> Callable[..., Any]:
+    """Give a command the options that say which samples are meant; it gets them as one argument, `wanted`.
+
+    Args:
+        command: the command.
+        columns: what it says of `--columns`, where that is no choice.
+    """
 
     @functools.wraps(command)
     def bundled(**options: Any) -> object:  # noqa: ANN401 - options are of many types
@@ -137,5 +146,5 @@ def log_options(command: _Command) -> Callable[..., Any]:
 
     made: Callable[..., Any] = bundled
     for option in reversed(_OPTIONS):
-        made = option(made)
+        made = _columns_option(columns)(made) if columns and option is _COLUMNS else option(made)
     return made
