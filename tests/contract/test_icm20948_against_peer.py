@@ -148,7 +148,7 @@ def streamed(kind, pauses, **given):
     bench.sensor.start()
     bench.sensor.begin(112.5)
     began = bench.clock.now()
-    assert bench.sensor.longest_pause == pytest.approx(32 / 112.5)
+    assert bench.sensor.longest_pause == pytest.approx(0.7 * 64 / 112.5)
     blocks = []
     for pause in pauses:
         bench.clock.sleep(pause)

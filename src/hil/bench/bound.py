@@ -182,6 +182,7 @@ def _connect(bench: BoundBench, instrument: InstrumentSpec) -> Connection:
         timeout=instrument.timeout_s or LONGEST_REPLY_S,
         terminator=instrument.line_end,
         names_asked=bench.playback is None or bench.playback.names_asked,
+        sparing=bench.playback is None or bench.playback.sparing,
     )
 
 

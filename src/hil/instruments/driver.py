@@ -104,6 +104,7 @@ class Connection:
         timeout: how long one of its replies may take [s]; the driver and the guardian keep to the same limit.
         terminator: what ends a line, where the bench file says it; drivers that offer `TERMINATED` look at it.
         names_asked: whether sensors are asked for their names between samples; not where an older record answers.
+        sparing: whether sensors are read in as few transfers as do; not where an older record answers.
     """
 
     device: str
@@ -116,6 +117,7 @@ class Connection:
     timeout: float = LONGEST_REPLY_S
     terminator: bytes = b""
     names_asked: bool = True
+    sparing: bool = True
 
 
 class Driver(Protocol):

@@ -321,8 +321,10 @@ class Icm20948Magnetometer(Field):
         self._stillness.judge(counts)
         overflow = data[8] & _OVERFLOW
         axes = (math.nan if overflow else self._axes.number(axis) for axis in counts)
-        celsius = int.from_bytes(self._first_die.block(Register.TEMP_OUT, 2), "big", signed=True)
-        return (*axes, _CELSIUS.number(celsius))
+        return (*axes, self._warmth())
+
+    def _read_warmth(self) -> float:
+        return _CELSIUS.number(int.from_bytes(self._first_die.block(Register.TEMP_OUT, 2), "big", signed=True))
 
     def _await_sample(self) -> bytes:
         """Return a new sample, read in one transfer: ST1, x, y, z, a dummy, and ST2, which ends the reading."""

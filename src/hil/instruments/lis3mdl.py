@@ -78,6 +78,7 @@ class Lis3mdlMagnetometer(Field):
         axes = Scale(per_unit=per_gauss, factor=_MICROTESLA_PER_GAUSS, full_scale=own.range, rails=(-32768, 32767))
         full_scale = own.range * _MICROTESLA_PER_GAUSS
         super().__init__(registers, clock, wire, rate=own.rate, axes=axes, full_scale=full_scale)
+        self._last = self._warm = b""
         self._controls = bytes(
             (
                 _TEMPERATURE_ON | _ULTRA_HIGH_XY | _RATES[self._rate],
@@ -93,7 +94,7 @@ class Lis3mdlMagnetometer(Field):
         self._registers.write(_CTRL_REG3, _POWER_DOWN)
         for register in (_CTRL_REG1, _CTRL_REG2, _CTRL_REG4, _CTRL_REG5):
             self._registers.write(register, self._controls[register - _CTRL_REG1])
-        self._registers.block(_OUT_X_L, 6)  # takes away the flag of a sample from before
+        self._last = self._registers.block(_OUT_X_L, 6)  # takes away the flag of a sample from before
         self._registers.write(_CTRL_REG3, _CONTINUOUS)
         self._registers.expect_block(_CTRL_REG1, self._controls)
         self._await_sample()
@@ -106,19 +107,38 @@ class Lis3mdlMagnetometer(Field):
 
     def _sample(self) -> tuple[float, ...]:
         """Wait for a sample that was not read yet, within two periods and a margin, and return it."""
-        self._await_sample()
-        data = self._registers.block(_OUT_X_L, 6)
-        temperature, celsius = self._temperature()
-        if set(data + temperature) == {0xFF} and self.chip.name_of(self._registers) != _ITS_NAME:
+        data = self._new() if self._registers.sparing else self._new_in_two()
+        celsius = self._warmth()
+        ones = set(data) == {0xFF} and (self._registers.sparing or set(self._warm) == {0xFF})
+        if ones and self.chip.name_of(self._registers) != _ITS_NAME:
             raise Garbled(self._device, "the bus reads nothing but ones", "check the sensor's power and its SDA wire")
         counts = struct.unpack("<hhh", data)
         self._stillness.judge(counts)
         return (*(self._axes.number(axis) for axis in counts), celsius)
 
-    def _temperature(self) -> tuple[bytes, float]:
-        """Return the two bytes of the temperature, and what they are in degC."""
-        data = self._registers.block(_TEMP_OUT_L, 2)
-        return data, _CELSIUS.number(struct.unpack("<h", data)[0])
+    def _read_warmth(self) -> float:
+        self._warm = self._registers.block(_TEMP_OUT_L, 2)
+        return _CELSIUS.number(struct.unpack("<h", self._warm)[0])
+
+    def _new(self) -> bytes:
+        """Return a new sample, read with the status in one transfer.
+
+        A sample may come between the two, and is new though the status does not say so yet: reading it took away the
+        flag.
+        """
+
+        def is_new() -> bool:
+            read = self._registers.block(_STATUS_REG, 7)
+            fresh = bool(read[0] & _NEW_XYZ) or read[1:] != self._last
+            self._last = read[1:]
+            return fresh
+
+        self._await_new(is_new, self._rate)
+        return self._last
+
+    def _new_in_two(self) -> bytes:
+        self._await_sample()
+        return self._registers.block(_OUT_X_L, 6)
 
     def _await_sample(self) -> None:
         self._await_new(lambda: bool(self._registers.read(_STATUS_REG) & _NEW_XYZ), self._rate)

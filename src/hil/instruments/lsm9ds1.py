@@ -265,7 +265,7 @@ class Lsm9ds1Magnetometer(Lis3mdlMagnetometer):
         """Wake the thermometer, then the magnetometer."""
         if not _any_inertial(self.beside):
             _sample_slowly(self._inertial, _TEN_HERTZ)
-            self._temperature()  # takes away the flag of one from before
+            self._read_warmth()  # takes away the flag of one from before
             fault = (f"no temperature {_LONGEST_START_S} s after its die was switched on", "check the sensor's power")
             self._wait_for(self._has_temperature, _LONGEST_START_S, _START_S, fault)
         super()._wake()
@@ -282,9 +282,9 @@ class Lsm9ds1Magnetometer(Lis3mdlMagnetometer):
     def _inertial(self) -> Registers:
         return self._registers.other or self._registers
 
-    def _temperature(self) -> tuple[bytes, float]:
-        data = self._inertial.block(_OUT_TEMP, 2)
-        return data, _CELSIUS.number(int.from_bytes(data, "little", signed=True))
+    def _read_warmth(self) -> float:
+        self._warm = self._inertial.block(_OUT_TEMP, 2)
+        return _CELSIUS.number(int.from_bytes(self._warm, "little", signed=True))
 
 
 class Lsm9ds1(SensorDriver):

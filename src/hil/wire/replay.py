@@ -82,6 +82,9 @@ _NOT_ALL_SHARED = 6
 _NOT_NAMED = 7
 """The last format of transcripts in which no sensor was asked for its name between samples."""
 
+_NOT_SPARING = 8
+"""The last format of transcripts in which sensors were read more often than is needed."""
+
 _HEX_SHOWN = 48
 
 
@@ -117,6 +120,7 @@ class Playback:
         all_share: whether those beside a case did, too, rows of sampled roles fed limits, and the first arming looked
             whether there is room.
         names_asked: whether sensors were asked for their names between samples.
+        sparing: whether sensors were read in as few transfers as do.
     """
 
     def __init__(self, path: Path, clock: Clock, where: Callable[[], str], handover: Handover | None = None) -> None:
@@ -132,6 +136,7 @@ class Playback:
         self.shared = format_ > _NOT_SHARED
         self.all_share = format_ > _NOT_ALL_SHARED
         self.names_asked = format_ > _NOT_NAMED
+        self.sparing = format_ > _NOT_SPARING
         alike = format_ <= _ALL_ALIKE
         self._alike = {MONITOR: {MONITOR}, OVERDUE: {MONITOR} if alike else {OVERDUE}}
 

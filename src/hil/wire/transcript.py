@@ -23,11 +23,12 @@ __all__ = [
 ]
 
 _COLUMNS = "sequence\tdevice\toperation\tstart_ns\tend_ns\tsent\treceived\terror\n"
-HEADER = f"hil/transcript/8 {_COLUMNS}"
+HEADER = f"hil/transcript/9 {_COLUMNS}"
 """The first line: format and columns, as many of them as every line has."""
 
 _FORMATS = {
-    HEADER: 8,
+    HEADER: 9,
+    f"hil/transcript/8 {_COLUMNS}": 8,
     f"hil/transcript/7 {_COLUMNS}": 7,
     f"hil/transcript/6 {_COLUMNS}": 6,
     f"hil/transcript/5 {_COLUMNS}": 5,
@@ -36,11 +37,12 @@ _FORMATS = {
     f"hil/transcript/2 {_COLUMNS}": 2,
     f"hil/transcript/1\t{_COLUMNS}": 1,
 }
-"""Up to format 7 no sensor was asked for its name between samples. Up to format 6 recordings beside a case did not
-share the bus by plan, rows of roles that are sampled fed no limits, and no arming looked whether there is room for
-recordings. Up to format 5 none was refused for want of room, nor its rate and gap excused. Up to format 4 a question
-and its reply on a Modbus line were operations of their own. Up to format 3 rows of a stream did not wait for their
-limits. Format 2 gave a monitor's turn at a point the name of one in a wait, format 1 had a field more in its header."""
+"""Up to format 8 sensors were read more often than is needed. Up to format 7 no sensor was asked for its name between
+samples. Up to format 6 recordings beside a case did not share the bus by plan, rows of roles that are sampled fed no
+limits, and no arming looked whether there is room for recordings. Up to format 5 none was refused for want of room,
+nor its rate and gap excused. Up to format 4 a question and its reply on a Modbus line were operations of their own.
+Up to format 3 rows of a stream did not wait for their limits. Format 2 gave a monitor's turn at a point the name of
+one in a wait, format 1 had a field more in its header."""
 
 _FIELDS = 8
 _NUMBERS = frozenset({"sequence", "start_ns", "end_ns"})

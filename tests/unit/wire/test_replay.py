@@ -130,7 +130,7 @@ def test_the_header_has_a_field_for_every_column(recorded):
     """A table reader finds as many names as values."""
     path, *_ = recorded
     header, *lines = path.read_text(encoding="utf-8").splitlines()
-    assert header.split("\t")[0] == "hil/transcript/8 sequence"
+    assert header.split("\t")[0] == "hil/transcript/9 sequence"
     assert {line.count("\t") for line in lines} == {header.count("\t")}
 
 
@@ -143,6 +143,7 @@ def test_the_header_has_a_field_for_every_column(recorded):
         "hil/transcript/4 ",
         "hil/transcript/5 ",
         "hil/transcript/6 ",
+        "hil/transcript/8 ",
         "hil/transcript/7 ",
     ],
 )
@@ -150,12 +151,13 @@ def test_transcripts_of_earlier_formats_are_read_as_ever(recorded, header):
     """The first had a field of its own for the format; their lines are the same."""
     path, *_ = recorded
     operations = list(read_transcript(path))
-    path.write_text(path.read_text(encoding="utf-8").replace("hil/transcript/8 ", header), encoding="utf-8")
+    path.write_text(path.read_text(encoding="utf-8").replace("hil/transcript/9 ", header), encoding="utf-8")
     assert list(read_transcript(path)) == operations
 
 
 @pytest.mark.parametrize(
-    ("header", "found"), [("hil/transcript/2 ", "v"), *((f"hil/transcript/{later} ", "") for later in (3, 4, 5, 6, 7))]
+    ("header", "found"),
+    [("hil/transcript/2 ", "v"), *((f"hil/transcript/{later} ", "") for later in (3, 4, 5, 6, 7, 8))],
 )
 def test_a_monitor_at_a_point_is_told_from_one_in_a_wait(tmp_path, header, found):
     """Up to format 2 both had one name; since then a turn in a wait is left for it. Rows wait since 4."""
@@ -165,14 +167,15 @@ def test_a_monitor_at_a_point_is_told_from_one_in_a_wait(tmp_path, header, found
     transcript.flush()
     sink.close()
     path = tmp_path / "t.tsv"
-    path.write_text(path.read_text(encoding="utf-8").replace("hil/transcript/8 ", header), encoding="utf-8")
+    path.write_text(path.read_text(encoding="utf-8").replace("hil/transcript/9 ", header), encoding="utf-8")
     playback = Playback(path, VirtualClock(), lambda: "here")
     assert playback.due_monitor(5, OVERDUE) == found
     assert playback.due_monitor(5, MONITOR) == "v"
     assert playback.rows_wait is (header > "hil/transcript/3 ")
     assert playback.shared is (header > "hil/transcript/5 ")
     assert playback.all_share is (header > "hil/transcript/6 ")
-    assert not playback.names_asked
+    assert playback.names_asked is (header > "hil/transcript/7 ")
+    assert not playback.sparing
 
 
 def test_a_question_is_one_operation(recorded):
@@ -195,7 +198,7 @@ def test_a_question_in_parts_is_answered(tmp_path, looked):
             transcript.note("tec1", name, 9, 9, received=received)
         transcript.flush()
     path = tmp_path / "t.tsv"
-    path.write_text(path.read_text(encoding="utf-8").replace("transcript/8 ", "transcript/4 "), encoding="utf-8")
+    path.write_text(path.read_text(encoding="utf-8").replace("transcript/9 ", "transcript/4 "), encoding="utf-8")
     playback = Playback(path, VirtualClock(), lambda: "here")
     assert ReplayedStream("tec1", playback).exchange(b"ask", 0.5) == b"ans"
     assert playback.exhausted

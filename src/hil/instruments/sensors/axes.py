@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar, Literal
@@ -19,6 +20,8 @@ from hil.model.errors import NoReply
 from hil.model.figure import Figure
 
 __all__ = ["Axes", "Field", "Sampling", "three_axes"]
+
+_WARMED_S = 0.5
 
 
 def three_axes(unit: str) -> tuple[Channel, ...]:
@@ -213,6 +216,7 @@ class Field(Sensor):
     ) -> None:
         super().__init__(registers, clock, wire)
         self._rate, self._axes, self._full_scale, self._noise = rate, axes, full_scale, noise
+        self._celsius = math.nan
         self._judge_anew()
 
     @reads
@@ -233,3 +237,15 @@ class Field(Sensor):
     def _judge_anew(self) -> None:
         """Forget the samples from before a start."""
         self._stillness = Stillness(self._device, self._axes, self._noise)
+        self._warmed = -math.inf
+
+    def _warmth(self) -> float:
+        """Return the temperature in degC, which is read twice a second at most: a die has no quicker ones."""
+        now = self._clock.now()
+        if not self._registers.sparing or now - self._warmed >= _WARMED_S:
+            self._celsius, self._warmed = self._read_warmth(), now
+        return self._celsius
+
+    @abstractmethod
+    def _read_warmth(self) -> float:
+        """Read the temperature in degC."""

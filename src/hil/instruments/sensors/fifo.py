@@ -21,6 +21,7 @@ __all__ = ["Block", "BlockSource", "Fifo", "Packets", "source_of"]
 _HOST_BUFFER_BYTES = 4096
 _LONGEST_PAUSE_S = 1.0
 _MARGIN = 0.5
+_FULL, _LEFT_S = 0.7, 0.1  # of a FIFO that the host reads, when it does; and time until it overflows then
 _LARGEST_COUNT = 1.25  # of what a FIFO holds
 # A frame of the OBC link holds 2048 bytes; its head and the other transfers take less than 48.
 _MOST_BYTES = 2000
@@ -301,7 +302,7 @@ class _PolledSource:
         self._lost_counter = 0
         self._number = 0
         self._was_full = False
-        self.longest_pause = min(_LONGEST_PAUSE_S, _MARGIN * fifo.capacity * self._period)
+        self.longest_pause = min(_LONGEST_PAUSE_S, _filling(registers, fifo.capacity * self._period))
 
     def begin(self) -> None:
         """Let the FIFO fill; device time is zero now."""
@@ -364,3 +365,9 @@ class _PolledSource:
     def end(self) -> StreamReport:
         """Count blocks; between them nothing can be lost."""
         return StreamReport(frames=self._number, lost=0, drift=None, drift_uncertainty=None)
+
+
+def _filling(registers: Registers, whole_s: float) -> float:
+    """Return how long a FIFO that is full in `whole_s` may fill until the host reads it [s]."""
+    wanted = min(_FULL * whole_s, whole_s - _LEFT_S) if registers.sparing else 0.0
+    return max(_MARGIN * whole_s, wanted)

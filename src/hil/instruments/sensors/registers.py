@@ -47,6 +47,7 @@ class Registers:
         width: bytes of one register.
         order: which byte of a number comes first on the bus.
         banks: how a bank is selected; None for a chip without banks.
+        sparing: whether the chip is read in as few transfers as do, each of which costs time; see `Connection`.
 
     Attributes:
         other: the registers of the chip's other die, None where it has one die.
@@ -62,6 +63,7 @@ class Registers:
         width: int = 1,
         order: Literal["big", "little"] = "big",
         banks: Banks | None = None,
+        sparing: bool = True,
     ) -> None:
         self.device = device
         self.bus = bus
@@ -71,6 +73,7 @@ class Registers:
         self._order = order
         self._banks = banks
         self._bank = 0
+        self.sparing = sparing
         self.other: Registers | None = None
 
     def read(self, register: int) -> int:

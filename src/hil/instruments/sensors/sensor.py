@@ -74,6 +74,7 @@ class Chip:
             width=self.width,
             order=self.order,
             banks=self.banks,
+            sparing=connection.sparing,
         )
 
     def name_of(self, registers: Registers) -> int:

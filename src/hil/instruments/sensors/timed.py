@@ -22,7 +22,7 @@ from hil.wire.streaming import BusStream, RegisterRead, StreamFrame, StreamingBu
 __all__ = ["Outputs", "TimedSensor"]
 
 _HOST_BUFFER_BYTES = 4096
-_LONGEST_PAUSE_S = 1.0
+_LONGEST_PAUSE_S, _LONGEST_PAUSE_BEFORE_S = 4.0, 1.0
 _MARGIN = 0.5
 _FRAME_OVERHEAD_BYTES = 32
 _SILENT_FRAMES = 3
@@ -76,7 +76,8 @@ class _TimedStream:
         self._fault: DeviceFault | None = None
         self._heard = 0.0
         buffered = _HOST_BUFFER_BYTES / (outputs.length + _FRAME_OVERHEAD_BYTES)
-        self.longest_pause = min(_LONGEST_PAUSE_S, _MARGIN * buffered * self._period)
+        longest = _LONGEST_PAUSE_S if registers.sparing else _LONGEST_PAUSE_BEFORE_S
+        self.longest_pause = min(longest, _MARGIN * buffered * self._period)
 
     def begin(self) -> None:
         """Let the board read the sensor at every tick of its timer; the first is one period later."""

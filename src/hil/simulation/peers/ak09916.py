@@ -10,6 +10,7 @@ Not modelled: single measurements, self-test, the chip's own temperature.
 
 from __future__ import annotations
 
+import struct
 from functools import partial
 from typing import ClassVar
 
@@ -24,6 +25,7 @@ __all__ = ["Ak09916"]
 
 _ST1, _HXL, _ST2, _CNTL2, _CNTL3 = 0x10, 0x11, 0x18, 0x31, 0x32
 _RATES = {0x02: 10.0, 0x04: 20.0, 0x06: 50.0, 0x08: 100.0}
+_WHOLE = 9
 _MODE, _SOFT_RESET = 0x1F, 0x01
 _READY, _OVERRUN, _OVERFLOW = 0x01, 0x02, 0x08
 _MICROTESLA_PER_LSB, _MOST, _OVERFLOW_MICROTESLA = 0.15, 32752, 4912.0
@@ -98,10 +100,18 @@ class Ak09916(SensorPeer):
     def _measure(self, number: int, at_ns: int) -> None:
         if any(self._counts) and self._faults.now(Stuck, at_ns):
             return
-        start_ns = self._start_ns
-        field = [self._element.measured(axis, number, at_ns, start_ns=start_ns, louder=1.0) for axis in range(3)]
+        field = self._element.measured(number, at_ns, start_ns=self._start_ns)
         self._overflow = _OVERFLOW if sum(map(abs, field)) >= _OVERFLOW_MICROTESLA else 0
         self._counts = [max(-_MOST, min(_MOST, round(each / _MICROTESLA_PER_LSB))) for each in field]
+
+    def _burst(self, register: int, count: int) -> bytes:
+        """Give a whole measurement with its flags at once, as byte by byte."""
+        if register != _ST1 or count < _WHOLE:
+            return b""
+        flags = self._flags
+        data = struct.pack("<BhhhBB", flags, *self._counts, 0, self._end_of_data())
+        self._pointer = 0
+        return data
 
     def _data(self, axis: int) -> int:
         self._reading, self._flags = True, self._flags & ~_READY

@@ -265,13 +265,9 @@ class Bno055(SensorPeer):
         """Return the three counts of samples of one sensor from number `first` on, shape (n, 3)."""
         units = self._registers[_UNIT_SEL]
         if name == "m":
-            ranges, scale, start_ns = _MAG_RANGES, 16.0, self._start_ns
-            seen = np.array(
-                [
-                    [self._field.measured(axis, number, at_ns, start_ns=start_ns, louder=1.0) for axis in range(3)]
-                    for number, at_ns in enumerate(ends_ns.tolist(), first)
-                ]
-            )
+            ranges, scale = _MAG_RANGES, 16.0
+            numbered = enumerate(ends_ns.tolist(), first)
+            seen = np.array([self._field.measured(each, at_ns, start_ns=self._start_ns) for each, at_ns in numbered])
         else:
             seen = self._elements[name].measured(first, ends_ns, self._die.many(ends_ns)).T
             if name == "a":

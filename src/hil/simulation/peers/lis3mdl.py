@@ -9,6 +9,7 @@ at the ends of 16 bits.
 
 from __future__ import annotations
 
+import struct
 from dataclasses import dataclass, replace
 from functools import partial
 from math import sqrt
@@ -196,6 +197,15 @@ class Lis3mdl(SensorPeer):
         done = self._conversion.single and self._count()
         return self._registers[_CTRL3] | (0x03 if done else 0)
 
+    def _burst(self, register: int, count: int) -> bytes:
+        """Give all three axes at once, as byte by byte; after them the transfer starts over with the first."""
+        whole = register == _DATA.start and count >= len(_DATA) and self._pointer & self.sheet.increment
+        if not whole or self._latched:
+            return b""
+        self._read = [self._count()] * len(AXES)
+        newest = self._newest()
+        return struct.pack("<hhh", *(self._less_offset(axis, newest[axis]) for axis in range(len(AXES))))
+
     def _data(self, place: int) -> int:
         """Return one byte of an axis; with block data update an axis keeps still until both were read."""
         axis, high = divmod(place, 2)
@@ -209,9 +219,12 @@ class Lis3mdl(SensorPeer):
 
     def _reading(self, axis: int) -> int:
         """Return an axis less its offset registers."""
+        return self._less_offset(axis, self._newest()[axis])
+
+    def _less_offset(self, axis: int, counts: int) -> int:
         low = _OFFSETS.start + 2 * axis
         offset = self._registers[low] | self._registers[low + 1] << 8
-        return max(_LEAST, min(_MOST, self._newest()[axis] - (offset - 0x10000 if offset & 0x8000 else offset)))
+        return max(_LEAST, min(_MOST, counts - (offset - 0x10000 if offset & 0x8000 else offset)))
 
     def _count(self) -> int:
         return self._conversion.count(self._clock.now_ns())
@@ -238,19 +251,20 @@ class Lis3mdl(SensorPeer):
         if self._made is None or self._made[:2] != (conversion, number):
             at_ns = conversion.grid.end_ns(number)
             warm = self._warm(at_ns) if conversion.warm and self.thermometer else 0
-            self._made = conversion, number, [*(self._axis(axis, number, at_ns) for axis in range(len(AXES))), warm]
+            self._made = conversion, number, [*self._axes(number, at_ns), warm]
         return self._made[2]
 
     def _warm(self, at_ns: int) -> int:
         raw = self._faults.now(TemperatureRaw, at_ns)
         return raw.counts if raw else _clipped(self._die.counts_at(at_ns, _LSB_PER_KELVIN))
 
-    def _axis(self, axis: int, number: int, at_ns: int) -> int:
+    def _axes(self, number: int, at_ns: int) -> list[int]:
         conversion = self._conversion
-        performance = conversion.performance_z if AXES[axis] == "z" else conversion.performance
-        louder = sqrt(_FAST_RATES[performance] / _FAST_RATES[-1])
-        field = self._element.measured(axis, number, at_ns, start_ns=conversion.start_ns, louder=louder)
-        return _clipped(field / _MICROTESLA_PER_GAUSS * conversion.lsb_per_gauss)
+        across, along = (
+            sqrt(_FAST_RATES[each] / _FAST_RATES[-1]) for each in (conversion.performance, conversion.performance_z)
+        )
+        fields = self._element.measured(number, at_ns, start_ns=conversion.start_ns, louder=(across, across, along))
+        return [_clipped(field / _MICROTESLA_PER_GAUSS * conversion.lsb_per_gauss) for field in fields]
 
     def _freeze(self) -> None:
         self._frozen = self._newest()

@@ -79,7 +79,10 @@ def _checksum(data: bytes) -> bytes:
 def _stuffed(data: bytes) -> bytes:
     """Return the bytes by COBS: each run up to a zero after its length, full runs without a zero after them."""
     *runs, last = data.split(b"\0")
-    parts = [_CODES[len(run)] + run if len(run) < _FULL else _full_blocks(run) + _rest(run) for run in runs]
+    parts = [
+        _CODES[0] if not run else _CODES[len(run)] + run if len(run) < _FULL else _full_blocks(run) + _rest(run)
+        for run in runs  # most are empty: a sensor that sleeps gives zeros
+    ]
     # A full run at the very end needs nothing after it; before a zero it does, for the zero's sake.
     end = b"" if last and len(last) % _FULL == 0 else _rest(last)
     return b"".join(parts) + _full_blocks(last) + end

@@ -36,7 +36,7 @@ AXES = "xyz"
 _MISALIGNED = ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1))
 _REFERENCE = 25.0
 
-_NOTHING = (0.0, 0.0, 0.0)
+_NOTHING, _QUIET = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
 _Vector = Annotated[tuple[float, float, float], vector(3)]
 _Levels = Annotated[tuple[float, float, float], vector(3, minimum=0)]
 
@@ -281,41 +281,44 @@ class FieldElement:
         self._start_ns = -1
         self._noise: list[RandomStream] = []
 
-    def measured(self, axis: int, number: int, at_ns: int, *, start_ns: int, louder: float) -> float:
-        """Return what one axis gives for one sample [uT].
+    def measured(
+        self, number: int, at_ns: int, *, start_ns: int, louder: tuple[float, float, float] = _QUIET
+    ) -> list[float]:
+        """Return what the three axes give for one sample [uT].
 
         Args:
-            axis: 0 to 2.
             number: of the sample, counted from `start_ns`.
             at_ns: when it ended.
             start_ns: when samples began to be counted: what is counted afresh must not repeat the last noise.
-            louder: noise of the mode over that of the best one.
+            louder: noise of the mode over that of the best one, of each axis.
         """
         if start_ns != self._start_ns:
             self._noise = [self._seeds.stream(self._name, f"{name} from {start_ns}") for name in AXES]
             self._start_ns, self._levelled = start_ns, []
-        field = self._field[axis].observe_at(at_ns) if self._field else 0.0
-        saturated = self._faults.now(Saturated, at_ns)
-        field += saturated.added if saturated else 0.0
-        noise = self._rms[axis] * louder * self._noise[axis].normal(number)
-        if self._levels is not None:
-            noise += self._by_levels(self._levels, axis, number, (at_ns - start_ns) / number)
-        offset = self._offset[axis]
-        drifting = self._faults.now(Drifting, at_ns)
-        drift = self._drift[axis] + (drifting.added if drifting else 0.0)
-        if drift and self._point is not None:
-            offset += drift * (self._point.observe_at(at_ns) - _REFERENCE)
-        return field * (1 + self._gain[axis]) + offset + noise
+        levelled = self._by_levels(number, at_ns)
+        saturated, drifting = self._faults.now(Saturated, at_ns), self._faults.now(Drifting, at_ns)
+        added, drifts = saturated.added if saturated else 0.0, drifting.added if drifting else 0.0
+        drifts_at_all = self._point is not None and (drifts or any(self._drift))
+        warmer = self._point.observe_at(at_ns) - _REFERENCE if self._point is not None and drifts_at_all else 0.0
+        seen = []
+        for axis in range(len(AXES)):
+            field = (self._field[axis].observe_at(at_ns) if self._field else 0.0) + added
+            noise = self._rms[axis] * louder[axis] * self._noise[axis].normal(number) if self._rms[axis] else 0.0
+            offset = self._offset[axis] + (self._drift[axis] + drifts) * warmer
+            seen.append(field * (1 + self._gain[axis]) + offset + noise + levelled[axis])
+        return seen
 
-    def _by_levels(self, levels: tuple[NoiseLevels, ...], axis: int, number: int, period_ns: float) -> float:
-        """Return the noise of these levels in one sample. It follows from its number alone, so that nothing is kept."""
-        if not self._levelled or number <= self._levelled[axis].gone:
-            rate = round(NANOSECONDS / period_ns, 3)  # whichever sample it is computed from
+    def _by_levels(self, number: int, at_ns: int) -> tuple[float, ...]:
+        """Return the noise of the levels in one sample. It follows from its number alone, so that nothing is kept."""
+        if self._levels is None:
+            return _NOTHING
+        if not self._levelled or number <= self._levelled[0].gone:
+            rate = round(NANOSECONDS * number / (at_ns - self._start_ns), 3)  # whichever sample it is computed from
             self._levelled = [
                 RateNoise(self._streams(name), level, rate=rate, bandwidth=rate / 2)
-                for name, level in zip(AXES, levels, strict=True)
+                for name, level in zip(AXES, self._levels, strict=True)
             ]
-        return float(self._levelled[axis].samples(number - 1, 1)[0])
+        return tuple([each.sample(number - 1) for each in self._levelled])
 
     def _streams(self, axis: str) -> Callable[[str], RandomStream]:
         prefix = f"field {axis} from {self._start_ns}"
