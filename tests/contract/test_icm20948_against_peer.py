@@ -163,3 +163,25 @@ def test_a_fifo_that_overflows_leaves_time_empty_and_is_counted(kind):
     assert report.lost_samples == pytest.approx(2 * 112.5 - 64, abs=3)
     assert np.diff(rows[:, 0]).max() == pytest.approx(2 - 64 / 112.5, abs=0.03)
     assert rows[-1, 0] == pytest.approx(seconds, abs=0.03)
+
+
+def test_a_host_reads_a_fifo_before_it_is_full():
+    """At seven tenths, as long as a tenth of a second is left; at half where an older record answers."""
+    for rate, sparing, part in ((112.5, True, 0.7), (112.5, False, 0.5), (225.0, True, 1 - 0.1 * 225 / 64)):
+        bench = Bench(ICM20948, settings={"rate": f"{rate} Hz"}, sparing=sparing).streaming(rate)
+        assert bench.sensor.longest_pause == pytest.approx(part * 64 / rate)
+
+
+def test_a_measurement_at_once_is_what_its_registers_are():
+    """Flags, axes and overflow, and the transfer goes on at the first register; two transfers find nothing new."""
+    whole, single = (
+        Bench(ICM20948_MAGNETOMETER, truth={"noise": ["9"] * 3, "offset": ["-40", "9", "7"]}) for _ in "12"
+    )
+    for bench in (whole, single):
+        bench.sensor.start()
+        bench.clock.sleep(0.0255 - bench.clock.now() % 0.01)
+    data = whole.bus.read_i2c_block_data(MAGNETOMETER, 0x10, 11)
+    parts = [single.bus.read_byte_data(MAGNETOMETER, register) for register in (*range(0x10, 0x19), 0x00, 0x01)]
+    assert data == parts
+    assert data[9:] == [0x48, 0x09]
+    assert whole.bus.read_byte_data(MAGNETOMETER, 0x10) == single.bus.read_byte_data(MAGNETOMETER, 0x10) == 0

@@ -25,3 +25,62 @@ def test_a_wider_range_holds_what_a_narrow_one_cannot():
         bench = Bench(LIS3MDL, truth=truth, settings=settings)
         bench.sensor.start()
         assert bench.sensor.sample()[0] == pytest.approx(x, abs=0.2, nan_ok=True)
+
+
+def listened(bench):
+    """Return the transfers of a bus from now on: what is written, and how much is read."""
+    heard, transfer = [], bench.bus.transfer
+
+    def listening(messages):
+        heard.append([content for _, content in messages])
+        return transfer(messages)
+
+    bench.bus.transfer = listening
+    return heard
+
+
+def test_a_sample_is_one_transfer_and_the_temperature_one_twice_a_second():
+    """Status and axes are read together; a die warms slowly."""
+    bench = Bench(LIS3MDL, settings={"rate": "5 Hz"})
+    bench.sensor.start()
+    bench.sensor.sample()
+    heard = listened(bench)
+    for _ in range(9):
+        bench.clock.sleep(0.19)
+        bench.sensor.sample()
+    read = [content for content in heard if content != [b"\x0f", 1]]
+    assert sum(content == [b"\xae", 2] for content in read) == 3  # of 1.8 s
+    assert {(bytes(content[0]), content[1]) for content in read} == {(b"\xa7", 7), (b"\xae", 2)}
+
+
+def test_an_older_record_is_asked_what_it_was_asked():
+    """Status, axes and temperature of every sample, each in a transfer of its own."""
+    bench = Bench(LIS3MDL, settings={"rate": "5 Hz"}, sparing=False)
+    bench.sensor.start()
+    bench.sensor.sample()
+    bench.clock.sleep(0.2)
+    heard = listened(bench)
+    bench.sensor.sample()
+    assert heard == [[b"\x27", 1], [b"\xa8", 6], [b"\xae", 2]]
+
+
+def test_a_sample_that_comes_between_status_and_axes_is_not_lost():
+    """The status does not tell of it yet, and reading its axes takes the flag away."""
+    bench = Bench(LIS3MDL, settings={"rate": "5 Hz"})
+    bench.sensor.start()
+    bench.sensor.sample()
+    transfer, old = bench.bus.transfer, [True]
+
+    def slow(messages):
+        (reply,) = transfer(messages)
+        if messages[0][1] == b"\xa7" and old:
+            old.clear()
+            bench.clock.sleep(0.2)
+            return [b"\x00" + transfer([(messages[0][0], b"\xa8"), (messages[0][0], 6)])[0]]
+        return [reply]
+
+    bench.bus.transfer = slow
+    began = bench.clock.now()
+    first = bench.sensor.sample()
+    assert bench.clock.now() - began < 0.21
+    assert bench.sensor.sample()[:3] != first[:3]

@@ -377,7 +377,7 @@ class Table(Plant):
 class Bench:
     """A sensor, its bus, clock and supply; `sensor` is the role."""
 
-    def __init__(self, chip, *, board=False, truth=None, faults=(), settings=None) -> None:
+    def __init__(self, chip, *, board=False, truth=None, faults=(), settings=None, sparing=True) -> None:
         self.chip = chip
         self.clock = VirtualClock()
         self.supply = Table()
@@ -386,7 +386,9 @@ class Bench:
         self.peer = self.build("sensor", chip.model, truth, faults)
         self.peer.attach(self.clock)
         self.bus = self.make_bus(board)
-        connection = Connection(device="sensor", clock=self.clock, clamps=Clamps(), bus=self.bus, address=chip.address)
+        connection = Connection(
+            device="sensor", clock=self.clock, clamps=Clamps(), bus=self.bus, address=chip.address, sparing=sparing
+        )
         self.driver = chip.driver(connection)
         self.sensor = self.driver.role(Wire(role=chip.role, instance="", instrument="sensor", settings=settings or {}))
         self.clock.sleep(chip.boot)
