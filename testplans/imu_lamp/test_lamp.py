@@ -30,7 +30,7 @@ HEADLINES = {
     ("Gyroscope", "offset"): "Offset of gyroscopes at rest",
     ("Gyroscope", "hysteresis"): "Hysteresis of gyroscopes",
     ("Magnetometer", "hysteresis"): "Hysteresis of magnetometers",
-    ("", "drift_repeat"): "Second run against first, of the expanded uncertainty",
+    ("", "drift_repeat"): "Change to the second run, over its uncertainty",
     ("Gyroscope", "drift_unit_difference"): "Second units minus first, gyroscopes",
     ("Magnetometer", "drift_unit_difference"): "Second units minus first, magnetometers",
 }

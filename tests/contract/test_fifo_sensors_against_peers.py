@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import sweeps
-from sensor_bench import BOARD_CHIPS, FIFO_CHIPS, Bench
+from sensor_bench import BOARD_CHIPS, FIFO_CHIPS, ICM20948, Bench
 
 from hil.model.errors import Garbled, NoReply, Refused
 
@@ -289,3 +289,10 @@ def test_a_garbled_bus_is_found_out(chip, board):
     bench = Bench(chip, board=board, faults=[{"kind": "garbled", "from": "1 s"}]).streaming()
     with pytest.raises((Garbled, NoReply)):
         bench.rows(20)
+
+
+def test_a_host_reads_a_fifo_before_it_is_full():
+    """At seven tenths, as long as a tenth of a second is left; at half where an older record answers."""
+    for rate, sparing, part in ((112.5, True, 0.7), (112.5, False, 0.5), (225.0, True, 1 - 0.1 * 225 / 64)):
+        bench = Bench(ICM20948, settings={"rate": f"{rate} Hz"}, sparing=sparing).streaming(rate)
+        assert bench.sensor.longest_pause == pytest.approx(part * 64 / rate)

@@ -165,13 +165,6 @@ def test_a_fifo_that_overflows_leaves_time_empty_and_is_counted(kind):
     assert rows[-1, 0] == pytest.approx(seconds, abs=0.03)
 
 
-def test_a_host_reads_a_fifo_before_it_is_full():
-    """At seven tenths, as long as a tenth of a second is left; at half where an older record answers."""
-    for rate, sparing, part in ((112.5, True, 0.7), (112.5, False, 0.5), (225.0, True, 1 - 0.1 * 225 / 64)):
-        bench = Bench(ICM20948, settings={"rate": f"{rate} Hz"}, sparing=sparing).streaming(rate)
-        assert bench.sensor.longest_pause == pytest.approx(part * 64 / rate)
-
-
 def test_a_measurement_at_once_is_what_its_registers_are():
     """Flags, axes and overflow, and the transfer goes on at the first register; two transfers find nothing new."""
     whole, single = (
