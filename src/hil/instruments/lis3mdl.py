@@ -124,17 +124,20 @@ class Lis3mdlMagnetometer(Field):
         """Return a new sample, read with the status in one transfer.
 
         A sample may come between the two, and is new though the status does not say so yet: reading it took away the
-        flag.
+        flag. So do zeros after a reset look, whose settings have gone.
         """
 
         def is_new() -> bool:
             read = self._registers.block(_STATUS_REG, 7)
-            fresh = bool(read[0] & _NEW_XYZ) or read[1:] != self._last
+            fresh = bool(read[0] & _NEW_XYZ) or (read[1:] != self._last and self._is_set())
             self._last = read[1:]
             return fresh
 
         self._await_new(is_new, self._rate)
         return self._last
+
+    def _is_set(self) -> bool:
+        return self._registers.block(_CTRL_REG1, len(self._controls)) == self._controls
 
     def _new_in_two(self) -> bytes:
         self._await_sample()

@@ -17,6 +17,8 @@ from hil.model.errors import Garbled, NoReply, Refused, Rejected
 IDENTITY = (b"\x0f", b"\x3d")
 NEW, OLD = (b"\x27", b"\x08"), (b"\x27", b"\x00")
 XYZ, TEMPERATURE = b"\xa8", b"\xae"
+STATUS_AND_XYZ = b"\xa7"
+UNCHANGED = (STATUS_AND_XYZ, bytes(7))
 
 
 def starting(ctrl="fc 00 00 0c 40"):
@@ -37,7 +39,10 @@ def starting(ctrl="fc 00 00 0c 40"):
 
 def sampling(x, y, z, temperature):
     """Return the dialogue of one sample with these counts."""
-    return [NEW, (XYZ, struct.pack("<hhh", x, y, z)), (TEMPERATURE, struct.pack("<h", temperature))]
+    return [
+        (STATUS_AND_XYZ, struct.pack("<Bhhh", 0x08, x, y, z)),
+        (TEMPERATURE, struct.pack("<h", temperature)),
+    ]
 
 
 def magnetometer(script, **settings):
@@ -105,18 +110,35 @@ def test_an_axis_at_the_rail_or_beyond_full_scale_is_nan(counts):
 
 def test_a_sample_is_never_read_twice():
     """The driver waits until the status register says that there is a new one."""
-    sensor, bus, clock = magnetometer([*starting(), NEW, OLD, OLD, *sampling(0, 0, 0, 0)])
+    sensor, bus, clock = magnetometer([*starting(), NEW, UNCHANGED, UNCHANGED, *sampling(0, 0, 0, 0)])
     sensor.start()
     sensor.sample()
     assert bus.done
     assert clock.now() == pytest.approx(2 / (8 * 80))
 
 
+def test_what_changed_without_the_flag_is_a_sample_of_a_sensor_that_is_set():
+    """It came after its status was read; in a sensor that was reset, zeros did."""
+    came = (STATUS_AND_XYZ, struct.pack("<Bhhh", 0x00, 6842, 0, 0))
+    controls = bytes.fromhex("fc 00 00 0c 40")
+    sensor, bus, _ = magnetometer([*starting(), NEW, came, (b"\xa0", controls), (TEMPERATURE, bytes(2))])
+    sensor.start()
+    assert sensor.sample()[:3] == (100.0, 0.0, 0.0)
+    assert bus.done
+    reset = [(STATUS_AND_XYZ, bytes(7)), (b"\xa0", bytes.fromhex("10 00 03 00 00"))]
+    sensor, bus, _ = magnetometer([*starting(), NEW, *sampling(1, 2, 3, 0), *reset])
+    sensor.start()
+    sensor.sample()
+    bus.repeat_last(*UNCHANGED)
+    with pytest.raises(NoReply, match="no new sample"):
+        sensor.sample()
+
+
 def test_a_sensor_that_stands_still_is_no_reply():
     """Two periods and a margin, then the error says what that means."""
     sensor, bus, clock = magnetometer([*starting(), NEW])
     sensor.start()
-    bus.repeat_last(*OLD)
+    bus.repeat_last(*UNCHANGED)
     with pytest.raises(NoReply, match=r"mag: no new sample within 0.125 s at 80 Hz; .* started again"):
         sensor.sample()
     assert clock.now() == pytest.approx(0.125, abs=0.002)
@@ -124,7 +146,7 @@ def test_a_sensor_that_stands_still_is_no_reply():
 
 def test_a_bus_that_reads_only_ones_is_garbled():
     """A sensor that does not know its name any more did not measure -1."""
-    ones = [(b"\x27", b"\xff"), (XYZ, b"\xff" * 6), (TEMPERATURE, b"\xff" * 2)]
+    ones = [(STATUS_AND_XYZ, b"\xff" * 7), (TEMPERATURE, b"\xff" * 2)]
     sensor, bus, _ = magnetometer([*starting(), NEW, *ones, (b"\x0f", b"\xff")])
     sensor.start()
     with pytest.raises(Garbled, match="nothing but ones"):
