@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import pytest
+import sweeps
 from many_runs import make_runs
 
 from hil.evidence.index import Index
 from hil.evidence.runs import find_runs
 
-_RUNS = 1000
+_RUNS = sweeps.chosen(250, 1000)
 
 
 @pytest.mark.timeout(600)
-def test_a_list_of_a_thousand_runs(tmp_path, pair):
+def test_a_list_of_many_runs(tmp_path, pair):
     """By the index and by looking at each; both tell the same."""
     reports = tmp_path / "reports"
     make_runs(reports, _RUNS)
@@ -21,7 +22,7 @@ def test_a_list_of_a_thousand_runs(tmp_path, pair):
         [(run.folder, run.state, run.verdict) for run in find_runs(reports)]
     ] * 2
     pair(
-        "one run in a list of 1,000, by the index / looked at",
+        f"one run in a list of {_RUNS}, by the index / looked at",
         lambda: find_runs(reports, Index(tmp_path / "index", "1")),
         lambda: find_runs(reports),
         units=_RUNS,
