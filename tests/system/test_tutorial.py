@@ -46,6 +46,14 @@ def test_a_heater_is_tested_as_told(tmp_path):
 
 
 @pytest.mark.system
+@pytest.mark.timeout(300)
+@pytest.mark.skipif(shutil.which("ssh-keygen") is None, reason="ssh-keygen is not installed")
+def test_persons_and_documents_are_asked_as_told(tmp_path):
+    """In an empty folder: a witness who is missing, one who is there, and an analysis that is approved and changes."""
+    assert follow(steps_of(DOCS / "how-to" / "ask-a-person.md"), tmp_path) == ""
+
+
+@pytest.mark.system
 @pytest.mark.timeout(600)
 def test_a_workspace_is_started_as_told(tmp_path):
     """In an empty folder, the commands of the guide make a workspace whose plan passes."""

@@ -220,7 +220,8 @@ class Progress:
         self._line(f"  confirmed again {event.name}: {answered(event.value)} ({event.by})")
 
     def _answer(self, event: events.Answer) -> None:
-        self._line(f"  answered {event.name}: {answered(event.value)} ({event.by})")
+        seen = f", witnessed by {event.witness}" if event.witness else ""
+        self._line(f"  answered {event.name}: {answered(event.value)} ({event.by}{seen})")
 
     def _check(self, event: events.Check) -> None:
         of = f" of {event.of}" if event.of else ""
