@@ -189,6 +189,29 @@ def test_the_simulated_person_answers_what_the_bench_file_maps(cases, name, told
     assert "'bench-place'" not in str(caught.value)
 
 
+def test_a_picture_that_is_missing_is_told_with_its_place(tmp_path):
+    """Before anything is opened, and no folder of a run: a wrong name, one beside the plan, and one that is none."""
+    made = make(
+        tmp_path / "workspace",
+        CASES.replace('name="jig-closed")', 'name="jig-closed", picture="jig.png")')
+        .replace("name=PLACE)", 'name=PLACE, picture="../jig.png")')
+        .replace('name="wiring")', 'name="wiring", picture="wiring.png")'),
+    )
+    plan = next((made.root / "testplans").glob("*/requirements.yaml")).parent
+    (plan / "jig.png").write_bytes(PNG)
+    (plan.parent / "jig.png").write_bytes(PNG)
+    (plan / "wiring.png").write_bytes(PNG[:-5])
+    (made.root / "jig.png").write_bytes(PNG)
+    with pytest.raises(ConfigurationError) as caught:
+        made.run(answers=answers(made.root), person=True)
+    told = str(caught.value)
+    assert len(caught.value.findings) == 2, told
+    assert "has no picture '../jig.png'" in told
+    assert "wiring.png: this PNG is damaged" in told
+    assert re.search(r"testplans/\w+/test_\w+\.py:\d+:1: ", told)
+    assert made.folders() == []
+
+
 QUALITY = HeldRole(role="quality", since="2026-01-01", until="2026-12-31")
 PEOPLE = Signers(
     people=(

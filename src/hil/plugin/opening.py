@@ -14,6 +14,7 @@ from hil.bench.live import Opened, bind_live, bind_live_again, require_boards
 from hil.evidence.folder import TRANSCRIPT
 from hil.executive.journaling.events import Caller
 from hil.executive.people.answers import Answered
+from hil.executive.people.at_hand import at_hand
 from hil.executive.people.witnesses import Witnesses, witnesses_of
 from hil.executive.resuming.beginnings import NewRun, ResumedRun
 from hil.executive.resuming.earlier import Earlier
@@ -23,7 +24,7 @@ from hil.executive.setup.configuration import Configuration
 from hil.executive.setup.head import PlannedCase
 from hil.model.identity import Source
 from hil.plugin.plans.collection import skipped_cases
-from hil.plugin.plans.prompts import Attended, foreseen, require_answers, require_witness_points
+from hil.plugin.plans.prompts import Attended, foreseen, require_answers, require_pictures, require_witness_points
 from hil.plugin.terminal.answering import acted_out, answers_of
 from hil.wire.transcript import Transcript
 
@@ -89,6 +90,7 @@ def _require_answers(configuration: Configuration, planned: Sequence[PlannedCase
     asked = [each for _, found in by_case for each in found]
     run = [(case, found) for case, found in by_case if case.id not in left_out]
     require_answers(asked, [each for _, found in run for each in found], request, attended, witnesses, workspace.shown)
+    require_pictures(run, lambda plan, name: at_hand(configuration, plan).picture(name))
     if request.purpose.closes:
         require_witness_points(configuration.catalogue, run)
 

@@ -124,6 +124,29 @@ def test_what_is_no_file_is_refused_without_waiting_for_it(tmp_path):
         assert why in problem_of(tmp_path / name, ALL), name
 
 
+def test_a_drawing_with_a_script_is_text_and_no_picture(tmp_path, shelf):
+    """SVG runs what is in it: it is refused as a picture, and kept as plain text where documents are taken."""
+    drawing = put(tmp_path, "photo.svg", b'<svg xmlns="http://www.w3.org/2000/svg"><script>alert(1)</script></svg>')
+    assert "this is a text file; give PNG or JPEG" in problem_of(drawing, PICTURE)
+    given = shelf.take(drawing, "x", ALL)
+    assert (given.type, given.file) == ("text", "x.txt")
+
+
+def test_documents_of_the_same_name_are_both_kept(tmp_path, shelf):
+    """From two folders, to two questions and to one."""
+    for folder in ("a", "b", "c"):
+        (tmp_path / folder).mkdir()
+        put(tmp_path / folder, "r\u00e9port 1.pdf", PDF + folder.encode() + b"\n%%EOF\n")
+    kept = [
+        shelf.take(tmp_path / f"{folder}/r\u00e9port 1.pdf", stem, ALL) for folder, stem in (("a", "x"), ("b", "y"))
+    ]
+    kept.append(shelf.take(tmp_path / "c/r\u00e9port 1.pdf", "x", ALL))
+    assert [(each.file, each.given) for each in kept] == [
+        ("x.pdf", "r\u00e9port 1.pdf"), ("y.pdf", "r\u00e9port 1.pdf"), ("x-2.pdf", "r\u00e9port 1.pdf"),
+    ]  # fmt: skip
+    assert len({each.sha256 for each in kept}) == 3
+
+
 def test_a_link_is_followed(tmp_path, shelf):
     """A person may keep photos elsewhere."""
     put(tmp_path, "photo.png", PNG)

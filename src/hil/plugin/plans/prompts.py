@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from hil.executive.setup.configuration import Request
     from hil.executive.setup.head import PlannedCase
 
-__all__ = ["Attended", "Foreseen", "foreseen", "require_answers", "require_witness_points"]
+__all__ = ["Attended", "Foreseen", "foreseen", "require_answers", "require_pictures", "require_witness_points"]
 
 _WHO = "operator"
 _FORMS = {
@@ -54,6 +54,7 @@ class Foreseen:
         question: what is known of it.
         options: whether its options are known.
         where: file and line of the call.
+        picture: what it shows, empty for nothing, and for a name that is put together.
     """
 
     pattern: re.Pattern[str]
@@ -61,6 +62,7 @@ class Foreseen:
     question: Question
     options: bool
     where: str
+    picture: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -182,6 +184,7 @@ def _foreseen(call: ast.Call, where: str, known: Mapping[str, object]) -> Forese
         ),
         options=options is not None and shape != "connect",
         where=where,
+        picture=_word(given.get("picture"), known),
     )
 
 
@@ -279,6 +282,31 @@ def require_witness_points(catalogue: Catalogue, run: Sequence[tuple[PlannedCase
             told = f"{name} needs a witness ({due}), and no question of its cases asks for one"
             what = f"{told}; add operator.witness({due!r}, TEXT, name=NAME) where that person has to be present"
             findings.append(Finding(item.place.path, item.place.line, item.place.column, what))
+    if findings:
+        raise ConfigurationError(tuple(findings))
+
+
+def require_pictures(
+    run: Sequence[tuple[PlannedCase, Sequence[Foreseen]]], picture_of: Callable[[str, str], object]
+) -> None:
+    """Require the pictures that the cases show, which would else be missed in the middle of the run.
+
+    Args:
+        run: the cases that are run, each with the questions that it may ask.
+        picture_of: returns a picture by the name of its plan and its path in there.
+
+    Raises:
+        ConfigurationError: with every picture that is missing, or is none, by the place of the question.
+    """
+    findings: dict[Finding, None] = {}
+    for case, found in run:
+        for each in found:
+            try:
+                if each.picture:
+                    picture_of(case.plan, each.picture)
+            except Misused as error:
+                file, _, line = each.where.rpartition(":")
+                findings[Finding(file, int(line), 1, f"{error.message}; {error.hint}")] = None
     if findings:
         raise ConfigurationError(tuple(findings))
 
