@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 
 import allantools
@@ -17,6 +18,7 @@ from hil.analysis.allan.confidence import degrees, edf, total_bias
 from hil.analysis.allan.deviation import ESTIMATORS, deviation
 from hil.analysis.allan.fit import TERMS, variances
 from hil.analysis.allan.noise import characterise
+from hil.analysis.allan.tones import tones
 from hil.model.figure import FigureStatus
 
 
@@ -382,3 +384,42 @@ def test_motion_is_rejected_by_the_model():
     assert {figure.status for figure in figures} == {FigureStatus.MODEL_REJECTED}
     assert {figure.uncertainty for figure in figures} == {None}
     assert "motion" in model.remark
+
+
+@pytest.mark.parametrize("amplitude", [0.3, 3.0])
+def test_the_variance_of_a_line_is_that_of_a_sine(amplitude):
+    """Frequency to a tenth of a point, square of the amplitude to 10 %, and with it the deviation of the sine alone."""
+    time = np.arange(40_000) / 100.0
+    sine = amplitude * np.sin(2.0 * np.pi * 23.7 * time + 1.0)
+    (line,) = tones(sine + np.random.default_rng(1).standard_normal(time.size), 100.0)
+    assert line.frequency == pytest.approx(23.7, abs=0.1 * 100.0 / 2048)
+    assert line.square == pytest.approx(amplitude**2, rel=0.1)
+    curve = deviation(sine, 100.0, [0.01, 0.02, 0.03, 0.07])
+    exact = replace(line, frequency=23.7, square=amplitude**2)
+    assert exact.variances(curve.m, 100.0) == pytest.approx(np.square(curve.deviation), rel=1e-3)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_line_is_neither_quantisation_nor_white_noise(seed):
+    """Near a third of the rate it looks like quantisation, elsewhere it moves white noise: rejected, or not moved."""
+    generator, time = np.random.default_rng(seed), np.arange(8192) / 100.0
+    hertz = generator.uniform(33.0, 33.7) if seed % 2 else generator.uniform(2.0, 49.0)
+    sine = np.sin(2.0 * np.pi * hertz * time)
+    model = characterise(generator.standard_normal(time.size) + sine, 100.0, "deg/s")
+    if model.white.status is FigureStatus.MODEL_REJECTED:
+        found = re.match(r"a line near ([\d.]+) Hz", model.remark)
+        assert found is not None
+        assert float(found[1]) == pytest.approx(hertz, abs=0.1)
+    else:
+        assert model.quantisation.status is not FigureStatus.MEASURED
+        assert abs(model.white.value - 0.1) < 3.0 * model.white.uncertainty
+
+
+def test_a_line_that_moves_nothing_is_left_alone():
+    """A tenth of the white noise of a sample, and no line at all."""
+    generator, time = np.random.default_rng(2), np.arange(16_384) / 100.0
+    noise = generator.standard_normal(time.size)
+    assert tones(noise, 100.0) == ()
+    for record in (noise, noise + 0.1 * np.sin(2.0 * np.pi * 33.3 * time)):
+        assert characterise(record, 100.0, "deg/s").white.status is FigureStatus.MEASURED
+    assert tones(noise[:1000], 100.0) == ()

@@ -879,7 +879,22 @@ def three_sensors():
     return table(np.repeat(times(), 3), noise(3 * COUNT) + np.tile([0.0, 0.3, -0.5], COUNT))
 
 
+@kind("a vibration near a third of the rate, three times the noise")
+def vibrating():
+    return table(times(), noise() + 0.3 * np.sin(2.0 * np.pi * 33.3 * times() + 1.0))
+
+
+@kind("mains at half of the rate")
+def mains_folded():
+    return table(times(), noise() + 0.3 * np.sin(2.0 * np.pi * 50.0 * times() + 1.0))
+
+
 # Spectra
+
+
+@kind("a spectrum of a vibration near a third of the rate, three times the noise", PSD)
+def psd_vibrating():
+    return vibrating()
 
 
 @kind("a spectrum of two sensors that take turns in one column", PSD)

@@ -71,6 +71,7 @@ class Fit:
             where M is the first absolute moment of the autocovariance of the filtered noise.
         offered: the squares with all terms in the fit, unconstrained; an unselected term may be negative.
         covariance: of `offered`, shape (4, 4).
+        estimator: how much of the variance of each point is in each of `offered`, shape (4, k).
         bound: upper bound of each square at 95 % confidence.
         apart: standard deviations of the offered B^2 from zero, the fewer of those under the selected noise and under
             the noise that fits best without flicker; infinite where random walk is selected beside it.
@@ -82,6 +83,7 @@ class Fit:
     squares: _Array
     offered: _Array
     covariance: _Array
+    estimator: _Array
     bound: _Array
     apart: float
     selected: tuple[bool, ...]
@@ -277,6 +279,7 @@ def _judged(work: _Work, squares: _Array, plain: _Array) -> Fit:
         squares=squares,
         offered=offered,
         covariance=spread,
+        estimator=estimator,
         bound=np.minimum(_alone(variance, model, design, np.diag(covariance), taken), np.maximum(bounds, squares)),
         apart=float(apart[_FLICKER]),
         selected=tuple((squares != 0.0).tolist()),

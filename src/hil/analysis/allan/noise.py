@@ -18,6 +18,7 @@ from hil.analysis.allan.deviation import deviation
 from hil.analysis.allan.ends import line, slope_variances, without
 from hil.analysis.allan.results import AllanCurve, NoiseModel
 from hil.analysis.allan.rolloff import Filter, rolloff
+from hil.analysis.allan.tones import Tone, tones
 from hil.analysis.tracing import traced
 from hil.model.errors import Refused
 from hil.model.figure import Figure, FigureStatus, effective_dof
@@ -61,7 +62,8 @@ def characterise(
     A filter before the sampling takes a part off that fades as 1 / tau^2; it is fitted with Q. Averaging times below
     five time constants of a filter that the spectrum shows (`rolloff`) are left out. Where the misfit has a probability
     below 0.001, the shortest ones are left out until it is 0.05, up to half of the points, and then one more; if that
-    does not help, the model is rejected. So is a fit that is too good, of a probability above 0.999.
+    does not help, the model is rejected. So is a fit that is too good, of a probability above 0.999, and one where a
+    line in the spectrum moves a square by more than its uncertainty (`tones`).
 
     A coefficient is MEASURED where the criterion keeps its term and its square is known to 50 % or better, that of
     flicker in place of random walk to a third, also where the points scatter as the best noise without flicker makes
@@ -107,14 +109,29 @@ def characterise(
     found, start = _fitted(bare, usable)
     slowly = slow(values, rate) if max(found.squares[2:]) > 0.0 or slope else None
     ramp = _Ramp.of(found, slope * rate, curve)
+    tone = _loud(found, tones(values, rate), curve.m[start : int(usable[-1]) + 1], rate)
     corner = shown.corner if shown else bandwidth
     fast = found
     if slowly is not None and slowly.curve:
         rest = deviation(slowly.rest(values), rate, holes=holes)
         fast = allan_fit.fit(_points(rest, start, int(usable[-1]) + 1))
     if scale == 1.0:
-        return _model(curve, found, fast, start, corner, ramp, slowly)
-    return _model(curve.scaled(1.0 / scale), found, fast, start, corner, ramp, slowly).scaled(scale)
+        return _model(curve, found, fast, start, corner, ramp, slowly, tone)
+    return _model(curve.scaled(1.0 / scale), found, fast, start, corner, ramp, slowly, tone).scaled(scale)
+
+
+def _loud(found: allan_fit.Fit, lines: tuple[Tone, ...], m: NDArray[np.int64], rate: float) -> Tone | None:
+    """Return the loudest line where all of them move a square by more than its uncertainty."""
+    if not lines:
+        return None
+    moved = (
+        found.estimator
+        @ np.array([line.variances(m, rate) for line in lines]).T
+        / np.sqrt(np.diag(found.covariance))[:, None]
+    )
+    if float(np.abs(moved.sum(axis=1)).max()) <= 1.0:
+        return None
+    return lines[int(np.abs(moved).max(axis=0).argmax())]
 
 
 def _too_few(usable: int, all_times: int, shown: Filter | None) -> str:
@@ -199,9 +216,10 @@ def _model(
     corner: float | None,
     ramp: _Ramp,
     slowly: Slow | None,
+    tone: Tone | None,
 ) -> NoiseModel:
     """Return the model; quantisation and white noise are those of `fast`, the fit without a curve that was found."""
-    rejected = not _WORST_TAIL <= found.tail <= 1.0 - _WORST_TAIL
+    rejected = tone is not None or not _WORST_TAIL <= found.tail <= 1.0 - _WORST_TAIL
     doubted = _doubted(slowly)
     left = dict.fromkeys(_SQUARES, 0.0) | {"random_walk": slowly.open if slowly else 0.0}
     figures = {
@@ -225,7 +243,7 @@ def _model(
         fitted=np.sqrt(allan_fit.variances(curve.m, curve.rate) @ squares + drift * np.square(curve.tau)),
         chi=found.chi,
         tau_min=float(curve.tau[start]),
-        remark="; ".join(_remarks(curve, found, start, corner, slowly)),
+        remark="; ".join(_remarks(curve, found, start, corner, slowly, tone)),
     )
 
 
@@ -241,8 +259,16 @@ _NOWHERE = Figure(value=math.nan, unit="1", status=FigureStatus.NOT_OBSERVABLE)
 
 
 def _remarks(
-    curve: AllanCurve, found: allan_fit.Fit, start: int, corner: float | None, slowly: Slow | None
+    curve: AllanCurve,
+    found: allan_fit.Fit,
+    start: int,
+    corner: float | None,
+    slowly: Slow | None,
+    tone: Tone | None,
 ) -> Iterator[str]:
+    if tone is not None:
+        where = f"a line near {tone.frequency:.3g} Hz"
+        yield f"{where} moves the coefficients: find what drives it; those of the spectrum leave it out"
     if found.tail < _WORST_TAIL:
         yield (
             f"quantisation, white noise, flicker and random walk do not describe this record (chi {found.chi:.1f}): "

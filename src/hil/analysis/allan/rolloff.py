@@ -16,14 +16,16 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Filter", "rolloff"]
+__all__ = ["NEIGHBOURS", "Filter", "parts", "periodogram", "rolloff"]
 
 _Array: TypeAlias = NDArray[np.float64]
+
+NEIGHBOURS = 1.06 * 1.94
+"""Factor by which overlapping parts and the window make neighbouring bins depend on each other."""
 
 _LONGEST, _SHORTEST, _PARTS = 4096, 64, 128  # samples of a part, and how many parts at most
 _PER_RECORD = 16  # parts of a record, without overlap
 _FIRST, _WIDER, _LEAST = 4, 10.0**0.1, 2  # first bin that is used; growth of bands, and their fewest bins
-_NEIGHBOURS = 1.06 * 1.94  # by which overlapping parts and the window make neighbouring bins depend on each other
 _CORNERS = 24  # between the lowest bands and nearly half of the rate
 _STEPS = 60  # of fitting levels
 _FITS = 0.01  # probability of a misfit above which terms without a filter are enough
@@ -54,16 +56,16 @@ def rolloff(values: _Array, rate: float) -> Filter | None:
     """
     from scipy.special import gammaincc  # noqa: PLC0415 - scipy is slow to import
 
-    parts = _parts(values)
-    if len(parts) < _PER_RECORD:
+    looked = parts(values)
+    if len(looked) < _PER_RECORD:
         return None
-    length = parts.shape[1]
+    length = looked.shape[1]
     edges = _edges(length)
     size = np.diff(edges)
-    power = np.add.reduceat(_periodogram(parts, rate)[: edges[-1]], edges[:-1]) / size
+    power = np.add.reduceat(periodogram(looked, rate)[: edges[-1]], edges[:-1]) / size
     if not (power > 0.0).all():
         return None
-    degrees = 2.0 * len(parts) * size / _NEIGHBOURS
+    degrees = 2.0 * len(looked) * size / NEIGHBOURS
     frequency = np.arange(1, edges[-1]) * rate / length
     terms = _terms(frequency, rate)
     bare = _misfit(_over(terms, edges), power, degrees)
@@ -80,24 +82,34 @@ def rolloff(values: _Array, rate: float) -> Filter | None:
     return Filter(corner=float(corners[place]), settling=_CONSTANTS / slowest)
 
 
-def _parts(values: _Array) -> _Array:
-    """Return windowed parts of a record without straight lines, spread over it, those without a hole: (k, length)."""
+def parts(values: _Array) -> _Array:
+    """Return windowed parts of a record without straight lines, spread over it, those without a hole: (k, length).
+
+    Args:
+        values: evenly spaced rate, shape (n,); NaN stands for a missing sample.
+    """
     length = min(_LONGEST, 1 << max(0, int(math.log2(max(1, values.size // _PER_RECORD)))))
     if length < _SHORTEST:
         return np.empty((0, length))
     count = min(_PARTS, (values.size - length) // (length // 2) + 1)
     starts = np.linspace(0, values.size - length, count).astype(np.int64)
-    parts = np.lib.stride_tricks.sliding_window_view(values, length)[starts]
-    parts = parts[np.isfinite(parts).all(axis=1)]
+    found = np.lib.stride_tricks.sliding_window_view(values, length)[starts]
+    found = found[np.isfinite(found).all(axis=1)]
     time = np.arange(length) - (length - 1) / 2.0
-    parts = parts - parts.mean(axis=1, keepdims=True)
-    parts -= np.outer(parts @ time / (time @ time), time)
-    return np.asarray(parts * np.hanning(length + 1)[:-1], dtype=np.float64)
+    found = found - found.mean(axis=1, keepdims=True)
+    found -= np.outer(found @ time / (time @ time), time)
+    return np.asarray(found * np.hanning(length + 1)[:-1], dtype=np.float64)
 
 
-def _periodogram(parts: _Array, rate: float) -> _Array:
-    scale = rate * float(np.square(np.hanning(parts.shape[1] + 1)[:-1]).sum())
-    return np.asarray(np.square(np.abs(np.fft.rfft(parts, axis=1))).mean(axis=0) / scale, dtype=np.float64)
+def periodogram(looked: _Array, rate: float) -> _Array:
+    """Return the two-sided density of parts, their mean, shape (length // 2 + 1,).
+
+    Args:
+        looked: windowed parts, from `parts`.
+        rate: samples per second.
+    """
+    scale = rate * float(np.square(np.hanning(looked.shape[1] + 1)[:-1]).sum())
+    return np.asarray(np.square(np.abs(np.fft.rfft(looked, axis=1))).mean(axis=0) / scale, dtype=np.float64)
 
 
 def _edges(length: int) -> NDArray[np.int64]:
