@@ -24,6 +24,7 @@ _SPREAD = 6.0  # robust standard deviations that an interval may be longer, wher
 _BURST = 0.3  # share of timestamps that follow the one before at once, from which samples come in bursts
 _AT_ONCE = 0.25  # of the interval between bursts
 _COARSE = 0.2  # of an interval: a resolution from which rounding looks like jitter and loss
+_LONGEST_STEP, _SHORTEST_STEP = 1e15, 1e-15  # s between timestamps; beyond them squares of rates leave the range
 _BLOCK = 1 << 14  # intervals that are looked at at once, within the processor's cache
 _SAMPLE = 1000  # values that tell about where the median is
 _SHARED = 0.5  # share of timestamps that repeat the one before, beyond which they are bursts
@@ -107,7 +108,7 @@ def assess(timestamps: ArrayLike) -> SamplingReport:
         timestamps: in s, shape (n,).
 
     Raises:
-        Refused: fewer than three timestamps, not all finite, or no two that follow each other.
+        Refused: fewer than three timestamps, not all finite, no two that follow each other, or such that cannot be.
     """
     return placed(timestamps)[0]
 
@@ -123,7 +124,7 @@ def placed(timestamps: ArrayLike) -> tuple[SamplingReport, _Places]:
         timestamps: in s, shape (n,).
 
     Raises:
-        Refused: fewer than three timestamps, not all finite, or no two that follow each other.
+        Refused: fewer than three timestamps, not all finite, no two that follow each other, or such that cannot be.
     """
     times = np.asarray(timestamps, dtype=np.float64)
     if times.ndim != 1 or times.size < 3:
@@ -132,6 +133,9 @@ def placed(timestamps: ArrayLike) -> tuple[SamplingReport, _Places]:
         bad = np.flatnonzero(~np.isfinite(times))
         raise Refused(f"timestamp {bad[0] + 1} is not a finite number", "look for a hole in the time column")
     steps = np.diff(times)
+    apart = max(float(steps.max()), -float(steps.min()))
+    if apart > _LONGEST_STEP or 0.0 < apart < _SHORTEST_STEP:
+        raise Refused(f"timestamps are up to {apart:.3g} s apart, which cannot be", "is this the time column?")
     if report := _regular(times, steps):
         del steps  # as large as the times
         return report, np.arange(times.size, dtype=np.int64)

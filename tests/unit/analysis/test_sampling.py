@@ -60,6 +60,13 @@ def test_timestamps_that_tell_no_rate_are_refused(times, why):
         assess(times)
 
 
+@pytest.mark.parametrize("size", [1e150, 1e-150])
+def test_times_that_cannot_be_are_refused(size):
+    """Squares of their rates would be no numbers."""
+    with pytest.raises(Refused, match="apart, which cannot be"):
+        assess(size * np.arange(100.0))
+
+
 def test_missing_samples_become_holes():
     """A gap of ten samples becomes ten NaN, also where the rate is a little off."""
     times = np.delete(np.arange(1000) / 10.0, np.s_[400:410])

@@ -152,3 +152,12 @@ def test_what_is_refused(options, told):
     """Options that do not go together say so."""
     with pytest.raises(Refused, match=told):
         run(TABLE, *options)
+
+
+@pytest.mark.parametrize("size", [1e300, 1e-200])
+def test_readings_that_cannot_be_squared_are_refused(tmp_path, size):
+    """With the column that holds them."""
+    values = np.loadtxt(TABLE, delimiter=",", skiprows=1) * [size, 1.0, 1.0, 1.0]
+    np.savetxt(tmp_path / "far.csv", values, delimiter=",", header="x,y,z,field", comments="")
+    with pytest.raises(Refused, match="column x varies by .*, beyond what can be squared"):
+        run(tmp_path / "far.csv", *KNOWN)

@@ -99,3 +99,11 @@ def test_what_is_refused(arguments, told):
     """Errors say which option is missing."""
     with pytest.raises(Refused, match=told):
         run(TABLE, *arguments)
+
+
+@pytest.mark.parametrize("size", [1e300, 1e-200])
+def test_readings_that_cannot_be_squared_are_refused(tmp_path, size):
+    """With the column that holds them."""
+    far = changed(tmp_path, lambda values: values * [size, 1.0, 1.0, 1.0])
+    with pytest.raises(Refused, match="column photodiode varies by .*, beyond what can be squared"):
+        run(far, *WHOLE)

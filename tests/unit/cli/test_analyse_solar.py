@@ -89,3 +89,12 @@ def test_too_few_points_are_refused(tmp_path):
     table.write_text("v,i\n1.0,0.1\n", encoding="utf-8")
     with pytest.raises(Refused, match="at least two points"):
         run(table, *COLUMNS)
+
+
+@pytest.mark.parametrize("size", [1e300, 1e-200])
+def test_a_curve_that_cannot_be_squared_is_refused(tmp_path, size):
+    """With the column that holds it."""
+    rows = (f"{0.1 * place},{size * (1.0 - 0.01 * place)}" for place in range(30))
+    (tmp_path / "far.csv").write_text("voltage,current\n" + "\n".join(rows) + "\n")
+    with pytest.raises(Refused, match="column current varies by .*, beyond what can be squared"):
+        run(tmp_path / "far.csv", *COLUMNS)

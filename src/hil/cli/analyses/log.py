@@ -12,6 +12,8 @@ from hil.cli.analyses.wanted import Wanted
 from hil.model.errors import Refused
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     import numpy as np
     from numpy.typing import NDArray
 
@@ -28,6 +30,7 @@ __all__ = [
     "named_units",
     "obtain",
     "obtain_beside",
+    "refuse_extremes",
     "status",
 ]
 
@@ -271,21 +274,35 @@ def _part(wanted: Wanted, since: NDArray[np.float64]) -> NDArray[np.bool_]:
 
 def _scaled(wanted: Wanted, name: str, values: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return samples in the unit of the result; refuse those whose squares are no numbers."""
+    scaled = values if wanted.scale is None else values * wanted.scale
+    refuse_extremes(wanted.file, name, scaled)
+    return scaled
+
+
+def refuse_extremes(file: Path, column: str, values: NDArray[np.float64]) -> None:
+    """Refuse a column without a number, or whose squares are none.
+
+    Args:
+        file: whose column it is.
+        column: its name.
+        values: what it holds, shape (n,).
+
+    Raises:
+        Refused: as it says.
+    """
     from hil.analysis.gates import present  # noqa: PLC0415 - start-up stays light
 
-    scaled = values if wanted.scale is None else values * wanted.scale
-    here = present(scaled)
+    here = present(values)
     if not here.size:
-        raise Refused(f"{wanted.file}: column {name} holds no number", "choose other columns")
+        raise Refused(f"{file}: column {column} holds no number", "choose other columns")
     highest, lowest = float(here.max()), float(here.min())
     largest, span = max(abs(highest), abs(lowest)), highest / 2.0 - lowest / 2.0
     if largest > _LARGEST or 0.0 < span < _SMALLEST:
         number = largest if largest > _LARGEST else span
         raise Refused(
-            f"{wanted.file}: column {name} varies by {number:.3g}, beyond what can be squared",
+            f"{file}: column {column} varies by {number:.3g}, beyond what can be squared",
             "check the column, or bring it to another unit with --scale and --scaled-unit",
         )
-    return scaled
 
 
 def _on_grid(timed: _Timed, channels: Mapping[str, NDArray[np.float64]]) -> dict[str, NDArray[np.float64]]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from hil.cli.analyses.exports import export_options, write_exports
-from hil.cli.analyses.log import named_units
+from hil.cli.analyses.log import named_units, refuse_extremes
 from hil.cli.options import JSON, plot_option, unit_option
 from hil.model.errors import HilError, Refused
 
@@ -175,6 +175,8 @@ def _recorded(
         count = int((~whole).sum())
         told = "1 row holds" if count == 1 else f"{count} rows hold"
         remarks.append(f"{told} no finite number in a column, and {'is' if count == 1 else 'are'} left out")
+    for title, column in zip(table.names, table.values[whole].T, strict=True):
+        refuse_extremes(file, title, column)
     readings = np.ascontiguousarray(table.values[whole, :3]) * factors[0]
     channels = {name: readings[:, place] for place, name in enumerate(table.names[:3])}
     gates = [*named_units(table.names[:3], unit), repeated(channels)]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from hil.cli.analyses.exports import export_options, write_exports
-from hil.cli.analyses.log import INCONCLUSIVE, gates_as_json, named_units
+from hil.cli.analyses.log import INCONCLUSIVE, gates_as_json, named_units, refuse_extremes
 from hil.cli.options import JSON, plot_option, unit_option
 from hil.model.errors import HilError, Refused
 
@@ -110,6 +110,8 @@ def _read(
     columns = {name: asked[name] for name in ("reading", "temperature", "load_column", "light") if asked[name]}
     table = read(file, list(columns.values()))
     found = {name: np.ascontiguousarray(table.values[:, place]) for place, name in enumerate(columns)}
+    for title, values in zip(table.names, found.values(), strict=True):
+        refuse_extremes(file, title, values)
     gates = (*named_units(table.names[:1], asked["unit"]), *named_units(table.names[1:2], "degC"))
     if not asked["light"]:
         gates = (*gates, repeated({name: found[name] for name in ("reading", "temperature")}))

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import click
 
 from hil.cli.analyses.exports import write_exports
-from hil.cli.analyses.log import INCONCLUSIVE, gates_as_json, named_units
+from hil.cli.analyses.log import INCONCLUSIVE, gates_as_json, named_units, refuse_extremes
 from hil.cli.options import JSON, plot_option, unit_option
 from hil.model.errors import HilError, Refused
 
@@ -110,6 +110,7 @@ def _read(file: Path, asked: Mapping[str, Any]) -> tuple[_Columns, tuple[Gate, .
         except HilError as error:
             raise Refused(f"--{name}-unit: {error.message}", f"give a unit of {_UNITS[name]}") from None
         found[name] = np.ascontiguousarray(table.values[:, place]) * factor
+        refuse_extremes(file, table.names[place], found[name])
     return found, tuple(gates), table.remarks
 
 
