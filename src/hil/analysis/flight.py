@@ -207,12 +207,17 @@ class _Logged:
 
     def _turning(self, part: _Array) -> Figure:
         inner = part[self.width : -self.width] if len(part) >= _INNER * self.width else part
-        squares = mean(present(np.square(inner - self.bias).sum(axis=1)), self.unit)
-        turning = squares.value - float(np.square(self.noise).sum())
+        away = present(np.sqrt(np.square(inner - self.bias).sum(axis=1)))
+        size = float(away.max()) if away.size else 0.0  # squares of squares would leave the range of numbers
+        if not size > 0.0:
+            return not_observable(self.unit)
+        squares = mean(np.square(away / size), "1")
+        turning = squares.value - float(np.square(self.noise / size).sum())
         if squares.uncertainty is None or not turning > 2.0 * squares.uncertainty:
             return not_observable(self.unit)
         rms = math.sqrt(turning)
-        return Figure(value=rms, unit=self.unit, uncertainty=squares.uncertainty / (2.0 * rms), dof=squares.dof)
+        doubt = size * squares.uncertainty / (2.0 * rms)
+        return Figure(value=size * rms, unit=self.unit, uncertainty=doubt, dof=squares.dof)
 
     def _white(self, column: _Array, *, told: bool) -> Figure:
         if not told or present(column).size < _NOISE:
@@ -305,6 +310,8 @@ def _likely(rates: tuple[Figure, ...], degrees: float) -> Iterator[Gate]:
 def _stands(vectors: _Array, middle: Figure) -> Gate:
     """Trip where the field turned in a rest: so slowly that no window shows it, and the bias holds it."""
     whole = vectors[np.isfinite(vectors).all(axis=1)]
+    if len(whole) < _THIRDS * FEWEST:
+        return Gate(name="stands", channel="", ok=None, reason="too few samples have the field of all axes")
     parts = np.array_split(whole, _THIRDS)
     means = np.array([part.mean(axis=0) for part in parts])
     doubt = float(max(np.linalg.norm(np.diff(part, axis=0).std(axis=0)) / math.sqrt(2.0 * len(part)) for part in parts))

@@ -219,3 +219,23 @@ def test_white_noise_is_told_of_the_longest_rests(monkeypatch):
     assert all(figure.value > 0.0 for figure in last.white)
     assert all(figure.uncertainty > 0.0 for figure in first.rates)
     assert its.remarks == ("white noise is told of the 1 longest of 2 rests",)
+
+
+def test_axes_that_are_never_there_together_tell_no_size():
+    """Attack: x of the field in every other row, y in the others; no warning, and no number from nothing."""
+    rates, field = made([STILL, SPIN, STILL], RATE)
+    field[::2, 0] = field[1::2, 1] = math.nan
+    its = found(rates, field)
+    assert [gate.ok for phase in its.phases for gate in phase.gates if gate.name == "stands"] == [None, None]
+    rates[::2, 0] = rates[1::2, 1] = math.nan
+    spin = found(rates, field).phases[1]
+    assert spin.turning.status is FigureStatus.NOT_OBSERVABLE
+
+
+@pytest.mark.parametrize("factor", [1e90, 1e-90])
+def test_numbers_of_any_size_keep_their_doubt(factor):
+    """A unit that is far off is told by gates, not by an overflow."""
+    rates, field = made([STILL, SPIN, STILL], RATE)
+    its = found(rates * factor, field, still=factor)
+    assert its.phases[1].turning.value == pytest.approx(12.0 * factor, rel=2e-3)
+    assert 0.0 < its.phases[1].turning.uncertainty < 0.01 * factor
