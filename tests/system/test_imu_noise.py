@@ -94,7 +94,10 @@ def test_what_was_put_in_is_read_back(ran):
     _, ended = ran
     white = checks(ended.package, "white_noise")
     assert len(white) == 48
-    assert [each["doubts"] for each in white.values() if each.get("doubts")] == []
+    # In 600 samples the tails of plain noise look heavy once in 300 channels; the three axes of a sensor share a doubt.
+    doubts = [each["doubts"] for each in white.values() if each.get("doubts")]
+    assert len(doubts) <= sweeps.chosen(3, 0), doubts
+    assert all("samples stand out by more than 3 standard" in said for told in doubts for said in told)
     assert {each["verdict"] for each in white.values()} <= sweeps.chosen({"PASS", "INCONCLUSIVE"}, {"PASS"})
     # Of 48 axes in two minutes a model or two are rejected by chance; that says nothing of a level.
     measured = {axis: each for axis, each in white.items() if each["status"] == "measured"}
@@ -102,7 +105,7 @@ def test_what_was_put_in_is_read_back(ran):
     far = {
         axis: (each["value"], each["uncertainty"], white_of(axis))
         for axis, each in measured.items()
-        if abs(each["value"] - white_of(axis)) > 3.5 * each["uncertainty"]
+        if abs(each["value"] - white_of(axis)) > sweeps.chosen(4.0, 3.5) * each["uncertainty"]
     }
     assert far == {}
     flicker = checks(ended.package, "flicker")
