@@ -22,9 +22,8 @@ from hil.executive.cases.facade import Facade, RoleSet, facades
 from hil.executive.cases.operator import Operator
 from hil.executive.cases.recorder import Recorder
 from hil.executive.cases.steps import Steps
-from hil.executive.ending.copies import kept_from_copies
 from hil.executive.ending.signals import handle_signals
-from hil.executive.ending.stop import Astray, StopFlags, Stopped, Turn
+from hil.executive.ending.stop import Astray, StopFlags, Stopped, Turn, kept_from_copies
 from hil.executive.journaling.events import Caller, Unheard
 from hil.executive.journaling.freezing import freezing
 from hil.executive.journaling.record import Record

@@ -13,7 +13,7 @@ from contextlib import closing
 
 import pytest
 
-from hil.executive.ending.copies import kept_from_copies
+from hil.executive.ending.stop import kept_from_copies
 
 
 def forked(work):

@@ -16,6 +16,7 @@ from hil.evidence.journal.reader import JournalReading
 from hil.evidence.results.eligibility import Eligibility, sources_of
 from hil.evidence.results.facts import Facts, FrozenCalibration, FrozenRequirement, facts_of
 from hil.evidence.results.outcome import (
+    CHANNELS,
     FORMAT,
     AttemptOutcome,
     CaseOutcome,
@@ -24,8 +25,9 @@ from hil.evidence.results.outcome import (
     Outcome,
     RequirementOutcome,
     StepOutcome,
+    rule,
+    silence,
 )
-from hil.evidence.results.ruling import CHANNELS, rule, silence
 from hil.evidence.state import CaseState, RunState, before_results, fold, standing
 from hil.model.identity import Purpose, Source
 from hil.model.verdict import Verdict, worst

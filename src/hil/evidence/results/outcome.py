@@ -1,18 +1,20 @@
-"""The results of a run as a type, and the strict codec of `data/results.json`."""
+"""The results of a run as a type, the rule for a verdict, and the strict codec of `data/results.json`."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import msgspec
 
 from hil.documents.canonical import JsonError, parse_strict
 from hil.evidence.events import Check, Part, Run
 from hil.evidence.events.codec import convert, decode, is_text_of, plain, quick_canonical, told
-from hil.model.verdict import Verdict
+from hil.model.verdict import Verdict, worst
 
 __all__ = [
+    "ANSWERS",
     "AS_INSTALLED",
+    "CHANNELS",
     "EXCEPTION",
     "EXECUTED",
     "FORMAT",
@@ -28,6 +30,8 @@ __all__ = [
     "StepOutcome",
     "is_outcome",
     "read_outcome",
+    "rule",
+    "silence",
     "without_sentences",
     "write_outcome",
 ]
@@ -39,6 +43,13 @@ Format 1 did not tell when the bench was held in the course of a case. Formats 1
 requirement; format 3 lists what has to be proven, and whether it is.
 """
 
+ANSWERS = "answers"
+"""A requirement with a limit on this parameter speaks of whether its device answers at all."""
+
+CHANNELS = "channels"
+"""The parameter of the check that every recording gets for which a requirement asks."""
+
+_OVERRIDING = frozenset({Verdict.ERROR, Verdict.ABORTED, Verdict.NOT_RUN})
 _CONDITION = frozenset({"name", "proven", "text"})
 _OF_ATTEMPT = ("read", "reasons")
 _SENTENCE = "a sentence"
@@ -304,3 +315,43 @@ def without_sentences(value: object) -> object:
         if isinstance(texts := value.get(key), list) and all(isinstance(each, str) for each in texts):
             kept[key] = [] if given_up else [_SENTENCE] * len(texts)
     return kept
+
+
+def rule(
+    checks: Iterable[Verdict], *, missing: bool, silent: Verdict | None, taken_out: bool, ended: Verdict | None = None
+) -> Verdict:
+    """Return the verdict on a requirement within a case: the worst of what it found and of how it ended.
+
+    A case is judged by it while it runs, and again when its results are derived.
+
+    Args:
+        checks: the verdicts of its checks.
+        missing: whether a check that the catalogue asks for is missing.
+        silent: the verdict that silence of the device under test gives, which explains what is missing; None if it
+            answered.
+        taken_out: whether the case took itself out; it is NOT_RUN then, and what it found before stands.
+        ended: how the case ended; ERROR, ABORTED and NOT_RUN hold for every requirement of it.
+    """
+    found = list(checks)
+    if silent is not None:
+        found.append(silent)
+    elif not taken_out and (missing or not found):
+        found.append(Verdict.NOT_EVALUATED)
+    if taken_out:
+        found.append(Verdict.NOT_RUN)
+    if ended in _OVERRIDING:
+        found.append(ended)
+    return worst(found)
+
+
+def silence(parameters: Iterable[str], *, dut: bool, undecided: bool) -> Verdict | None:
+    """Return the verdict that silence gives a requirement, by the parameters of its limits; None without any.
+
+    Args:
+        parameters: of its limits.
+        dut: whether the device under test fell silent.
+        undecided: whether what should have happened did not, and nobody can tell if bench or DUT is to blame.
+    """
+    if dut and ANSWERS in parameters:
+        return Verdict.FAIL
+    return Verdict.INCONCLUSIVE if dut or undecided else None

@@ -10,7 +10,7 @@ from typing import cast
 from hil.evidence import events
 from hil.evidence.attempts import Abandoned
 from hil.evidence.events import EventSink
-from hil.evidence.results.ruling import CHANNELS, rule, silence
+from hil.evidence.results.outcome import CHANNELS, rule, silence
 from hil.executive.cases.artifacts import Artifacts
 from hil.executive.cases.charts import Charts
 from hil.executive.cases.checks import CheckFailed, Checks

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, cast
 from hil.clock.port import NANOSECONDS
 from hil.evidence import events
 from hil.evidence.recordings.hdf5 import Recorded
-from hil.evidence.results.ruling import CHANNELS
+from hil.evidence.results.outcome import CHANNELS
 from hil.executive.watching.sharing import Course
 from hil.instruments.sampled import StreamReport
 from hil.model.figure import Figure, FigureStatus

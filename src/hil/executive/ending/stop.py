@@ -1,11 +1,11 @@
-"""Stopping: signals only set flags, and the run ends at the next scheduling point."""
+"""Stopping: signals only set flags, and the run ends at the next scheduling point; copies of it hold nothing."""
 
 from __future__ import annotations
 
 import os
 import sys
 import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import NoReturn, Protocol
@@ -14,13 +14,16 @@ from hil.clock import wall
 from hil.evidence.events import NOTHING, Event, EventSink
 from hil.model.errors import HilError
 
-__all__ = ["Astray", "EndableRun", "IsOwn", "StopFlags", "Stopped", "Turn", "leave_unsealed"]
-
+__all__ = ["Astray", "EndableRun", "IsOwn", "StopFlags", "Stopped", "Turn", "kept_from_copies", "leave_unsealed"]
 
 _MOST_CUTS = 10
 _INTERNAL = 3
 IsOwn = Callable[[FrameType | None], bool]
 """Tells whether a case's own code, or what it called, is at a frame that a signal interrupted."""
+Descriptors = Callable[[], Iterable[int]]
+"""Gives what belongs to this process alone."""
+
+_kept: list[Descriptors] = []
 
 
 class Stopped(BaseException):
@@ -268,3 +271,34 @@ def leave_unsealed() -> None:
     sys.stderr.write("hil: a case let neither a stop nor a timeout end it, so the process ends here\n")
     sys.stderr.flush()
     os._exit(_INTERNAL)
+
+
+@contextmanager
+def kept_from_copies(descriptors: Descriptors) -> Iterator[None]:
+    """Let every copy of this process that a case forks let go of descriptors at once, until the context is left.
+
+    A copy may live on, and holds nothing of the bench or of the run. What is started by executing a program has none
+    of them anyway: all are closed on exec.
+
+    Args:
+        descriptors: gives them, at the moment of a fork.
+    """
+    _kept.append(descriptors)
+    try:
+        yield
+    finally:
+        _kept.remove(descriptors)
+
+
+def _let_go() -> None:
+    """Put nothing in their place: their numbers stay taken, so that no object of the copy closes another file."""
+    with suppress(OSError):
+        nothing = os.open(os.devnull, os.O_RDWR | os.O_CLOEXEC)
+        for descriptors in _kept:
+            for each in descriptors():
+                os.dup2(nothing, each, inheritable=False)
+        os.close(nothing)
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_let_go)
