@@ -53,6 +53,20 @@ def test_a_sample_is_one_transfer_and_the_temperature_one_twice_a_second():
     assert {(bytes(content[0]), content[1]) for content in read} == {(b"\xa7", 7), (b"\xae", 2)}
 
 
+def test_samples_are_evenly_apart_whether_the_temperature_is_read_or_not():
+    """A recording is as long as its samples are apart: the first one, which reads it, comes no later than the last."""
+    bench = Bench(LIS3MDL, settings={"rate": "5 Hz"})
+    bench.sensor.start()
+    bench.clock.sleep(0.9)
+    took = []
+    for _ in range(8):
+        bench.clock.wait_until(bench.clock.now_ns() // 200_000_000 * 200_000_000 + 290_000_000)
+        began = bench.clock.now()
+        bench.sensor.sample()
+        took.append(bench.clock.now() - began)
+    assert took == pytest.approx([took[0]] * 8, abs=1e-8)
+
+
 def test_an_older_record_is_asked_what_it_was_asked():
     """Status, axes and temperature of every sample, each in a transfer of its own."""
     bench = Bench(LIS3MDL, settings={"rate": "5 Hz"}, sparing=False)

@@ -216,7 +216,7 @@ class Field(Sensor):
     ) -> None:
         super().__init__(registers, clock, wire)
         self._rate, self._axes, self._full_scale, self._noise = rate, axes, full_scale, noise
-        self._celsius = math.nan
+        self._celsius, self._warming = math.nan, 0.0
         self._judge_anew()
 
     @reads
@@ -240,10 +240,16 @@ class Field(Sensor):
         self._warmed = -math.inf
 
     def _warmth(self) -> float:
-        """Return the temperature in degC, which is read twice a second at most: a die has no quicker ones."""
+        """Return the temperature in degC, which is read twice a second at most: a die has no quicker ones.
+
+        Where it is not read, the time that it takes passes, so that samples are as far apart as they are taken.
+        """
         now = self._clock.now()
         if not self._registers.sparing or now - self._warmed >= _WARMED_S:
             self._celsius, self._warmed = self._read_warmth(), now
+            self._warming = self._clock.now() - now
+        else:
+            self._clock.sleep(self._warming)
         return self._celsius
 
     @abstractmethod
