@@ -10,15 +10,18 @@ import msgspec
 
 from hil.audit.document import Document, Row
 from hil.audit.engine import audit
-from hil.audit.inputs import Asked, Instrument, Package, Register, Result, World
+from hil.audit.inputs import Approval, Asked, Instrument, Package, Register, Result, World
 from hil.evidence.ledger.entries import Entry, Sealed
 from hil.model.identity import Dut, Model, Purpose, Source
 from hil.registers.instruments import AsFound, AsLeft, Certificate, RegisteredInstrument
+from hil.registers.nonconformances import Nonconformance, Record, UnitName, Verification, Waiver
 
 __all__ = [
     "ASKED",
     "DUT",
     "INSTRUMENT",
+    "UNIT",
+    "approval",
     "certificate",
     "changed_package",
     "closed_world",
@@ -44,6 +47,7 @@ ASKED = Asked(
 )
 PARENT = Asked(id="EPS-001", rev=1, fingerprint="e" * 64, text="There shall be a load.", kind="parent", method="test")
 DUT = Dut(serial="FM-7", part="LOAD-1", model=Model.FM, hardware="B", firmware="1.0")
+UNIT = UnitName(part=DUT.part, serial=DUT.serial)
 
 
 def certificate(number: str, date: str, due: str, **changed: Any) -> Certificate:
@@ -158,6 +162,12 @@ def codes(world: World, identifier: str = ASKED.id) -> list[str]:
     found = row(world, identifier)
     assert found.closed == (not found.reasons)
     return [str(reason.code) for reason in found.reasons]
+
+
+def approval(of: Nonconformance | Waiver | Verification, **changed: Any) -> Approval:
+    """Return a valid approval of a record by somebody else, in the role that it needs."""
+    fields = {"record": of.id, "sha256": Record(of=of).sha256, "role": type(of).__name__.lower(), "principal": "bo@x"}
+    return Approval(**{**fields, "utc": "2026-06-20T08:00:00Z", "seq": 5, **changed})
 
 
 def changed_package(item: Package, **changed: Any) -> Package:

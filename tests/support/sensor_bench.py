@@ -78,6 +78,27 @@ class SensorChip:
     stream: float = 100.0
 
 
+def _accelerometer(chip, **its):
+    """Return the accelerometer of a chip: off along x, with gravity along z."""
+    warm = {name: chip.truth[name] for name in ("temperature", "temperature_offset")}
+    shared = {
+        "role": "accelerometer",
+        "unit": "m/s2",
+        "truth": {"accelerometer": {"bias_x": ["-9.5", "0", "0"]}, **warm},
+        "expected": (-9.5, 0.0, 9.80665, chip.expected[3]),
+        "close": 0.1,
+        "noisy": {"accelerometer": {"white": ["0.1", "0.1", "0.1"]}},
+        "capacity": 0,
+    }
+    return replace(chip, **shared | its)
+
+
+def _magnetometer(chip, **its):
+    """Return the magnetometer of a chip, in the field of the LIS3MDL."""
+    shared = {"truth": LIS3MDL.truth, "expected": LIS3MDL.expected, "noisy": {}, "capacity": 0}
+    return replace(chip, role="magnetometer", unit="uT", **shared | its)
+
+
 LIS3MDL = SensorChip(
     driver=Lis3mdl,
     model=lis3mdl.MODEL,
@@ -146,25 +167,15 @@ BMI088 = SensorChip(
     by_host=True,
 )
 
-BMI088_ACCELEROMETER = replace(
+BMI088_ACCELEROMETER = _accelerometer(
     BMI088,
-    role="accelerometer",
-    unit="m/s2",
     die=0x18,
     power_on=(0x40, bytes.fromhex("a801")),
     ranges=("3", "6", "12", "24"),
     rates=("12.5", "25", "50", "100", "200", "400"),
     narrow=3 * 9.80665,
-    truth={"accelerometer": {"bias_x": ["-9.5", "0", "0"]}, "temperature": "-16", "temperature_offset": "0.5"},
-    expected=(-9.5, 0.0, 9.80665, -15.5),
-    close=0.1,
-    noisy={"accelerometer": {"white": ["0.1", "0.1", "0.1"]}},
     sleep=(0x7C, 0x03),
-    capacity=0,
 )
-
-BIASED = {"bias_x": ["1.5", "0", "0"], "bias_y": ["-20", "0", "0"], "bias_z": ["0.25", "0", "0"]}
-"""What a gyroscope or an accelerometer is off."""
 
 ICM20948 = SensorChip(
     driver=Icm20948,
@@ -178,8 +189,8 @@ ICM20948 = SensorChip(
     ranges=("250", "500", "1000", "2000"),
     rates=("12.5", "45", "112.5", "225"),
     narrow=250.0,
-    truth=BIASED | {"temperature": "-16", "temperature_offset": "0.5"},
-    expected=(1.5, -20, 0.25, -15.5),
+    truth=IIM42652.truth,
+    expected=IIM42652.expected,
     close=0.3,
     noisy={"white": ["1", "1", "1"]},
     sleep=(0x06, 0x41),
@@ -190,32 +201,9 @@ ICM20948 = SensorChip(
     stream=112.5,
 )
 
-ICM20948_ACCELEROMETER = replace(
-    ICM20948,
-    role="accelerometer",
-    unit="m/s2",
-    ranges=("2", "4", "8", "16"),
-    narrow=19.6133,
-    truth={"accelerometer": {"bias_x": ["-9.5", "0", "0"]}, "temperature": "-16", "temperature_offset": "0.5"},
-    expected=(-9.5, 0.0, 9.80665, -15.5),
-    close=0.1,
-    noisy={"accelerometer": {"white": ["0.1", "0.1", "0.1"]}},
-    capacity=0,
-)
+ICM20948_ACCELEROMETER = _accelerometer(ICM20948, ranges=("2", "4", "8", "16"), narrow=2 * 9.80665)
 
-ICM20948_MAGNETOMETER = replace(
-    ICM20948,
-    role="magnetometer",
-    unit="uT",
-    ranges=(),
-    rates=("10", "20", "50", "100"),
-    narrow=4912.0,
-    truth={"offset": ["48.0", "-22.5", "150.0"], "noise": ["0.02"] * 3, "temperature": "40.0"},
-    expected=(48.0, -22.5, 150.0, 40.0),
-    close=0.3,
-    noisy={},
-    capacity=0,
-)
+ICM20948_MAGNETOMETER = _magnetometer(ICM20948, ranges=(), rates=("10", "20", "50", "100"), narrow=4912.0, close=0.3)
 
 BNO055 = SensorChip(
     driver=Bno055,
@@ -229,7 +217,7 @@ BNO055 = SensorChip(
     ranges=("125", "250", "500", "1000", "2000"),
     rates=(),
     narrow=125.0,
-    truth=BIASED | {"temperature": "-16", "temperature_offset": "1"},
+    truth=IIM42652.truth | {"temperature_offset": "1"},
     expected=(1.5, -20, 0.25, -15),
     close=0.4,
     noisy={"white": ["1", "1", "1"]},
@@ -237,29 +225,15 @@ BNO055 = SensorChip(
     boot=0.66,
 )
 
-BNO055_ACCELEROMETER = replace(
-    BNO055,
-    role="accelerometer",
-    unit="m/s2",
-    ranges=("2", "4", "8", "16"),
-    narrow=19.6133,
-    truth={"accelerometer": {"bias_x": ["-9.5", "0", "0"]}, "temperature": "-16", "temperature_offset": "1"},
-    expected=(-9.5, 0.0, 9.80665, -15),
-    close=0.1,
-    noisy={"accelerometer": {"white": ["0.1", "0.1", "0.1"]}},
-)
+BNO055_ACCELEROMETER = _accelerometer(BNO055, ranges=("2", "4", "8", "16"), narrow=2 * 9.80665)
 
-BNO055_MAGNETOMETER = replace(
+BNO055_MAGNETOMETER = _magnetometer(
     BNO055,
-    role="magnetometer",
-    unit="uT",
     ranges=(),
     rates=("2", "10", "20", "30"),
     narrow=1300.0,
-    truth={"offset": ["48.0", "-22.5", "150.0"], "noise": ["0.1"] * 3, "temperature": "40.0"},
-    expected=(48.0, -22.5, 150.0, 40.0),
+    truth=LIS3MDL.truth | {"noise": ["0.1"] * 3},
     close=0.5,
-    noisy={},
 )
 
 LSM9DS1 = SensorChip(
@@ -285,35 +259,19 @@ LSM9DS1 = SensorChip(
     stream=119.0,
 )
 
-LSM9DS1_ACCELEROMETER = replace(
-    LSM9DS1,
-    role="accelerometer",
-    unit="m/s2",
-    ranges=("2", "4", "8", "16"),
-    narrow=2 * 9.80665,
-    truth=BMI088_ACCELEROMETER.truth,
-    expected=BMI088_ACCELEROMETER.expected,
-    close=0.2,
-    noisy=BMI088_ACCELEROMETER.noisy,
-    sleep=(0x20, 0x00),
-    capacity=0,
+LSM9DS1_ACCELEROMETER = _accelerometer(
+    LSM9DS1, ranges=("2", "4", "8", "16"), narrow=2 * 9.80665, close=0.2, sleep=(0x20, 0x00)
 )
 
-LSM9DS1_MAGNETOMETER = replace(
+LSM9DS1_MAGNETOMETER = _magnetometer(
     LSM9DS1,
-    role="magnetometer",
-    unit="uT",
     die=0x1C,
     power_on=LIS3MDL.power_on,
     ranges=LIS3MDL.ranges,
     rates=LIS3MDL.rates,
-    narrow=400.0,
-    truth=LIS3MDL.truth,
-    expected=LIS3MDL.expected,
-    close=0.2,
-    noisy={},
-    sleep=(0x22, 0x03),
-    capacity=0,
+    narrow=LIS3MDL.narrow,
+    close=LIS3MDL.close,
+    sleep=LIS3MDL.sleep,
 )
 
 BME680 = SensorChip(

@@ -6,17 +6,16 @@ from dataclasses import replace
 
 import msgspec
 import pytest
-from audited import ASKED, DUT, PARENT, codes, package, result, row, seal_of, world_of
+from audited import ASKED, PARENT, UNIT, approval, codes, package, result, row, seal_of, world_of
 
 from hil.audit.engine import audit
-from hil.audit.inputs import Approval, Filed
+from hil.audit.inputs import Filed
 from hil.audit.pages.page import as_html
 from hil.audit.recorded import past, record, reports_ever
 from hil.audit.tables import as_csv, as_json
 from hil.evidence.ledger.book import append_all, read
-from hil.registers.nonconformances import Action, Disposition, Nonconformance, Record, Records, UnitName, Waiver
+from hil.registers.nonconformances import Action, Disposition, Nonconformance, Records, UnitName, Waiver
 
-UNIT = UnitName(part=DUT.part, serial=DUT.serial)
 FAIL = {ASKED.id: result(verdict="FAIL", failed=True, eligible=False, reasons=("its verdict is FAIL",))}
 REPORT = Nonconformance(
     id="NCR-7",
@@ -43,13 +42,6 @@ WAIVER = Waiver(
     reason="The converter stands it",
     nonconformance="NCR-7",
 )
-
-
-def approval(of, seq=5, **changed):
-    """Return a valid approval of a report or a waiver."""
-    role = "waiver" if isinstance(of, Waiver) else "nonconformance"
-    fields = {"record": of.id, "sha256": Record(of=of).sha256, "role": role, "principal": "bo@x"}
-    return Approval(**{**fields, "utc": "2026-06-20T08:00:00Z", "seq": seq, **changed})
 
 
 def filed(*items, approvals=None, earlier=()):

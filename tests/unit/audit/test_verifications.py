@@ -10,12 +10,12 @@ from dataclasses import replace
 
 import msgspec
 import pytest
-from audited import ASKED, DUT, PARENT, codes, row, world_of
+from audited import ASKED, DUT, PARENT, UNIT, approval, codes, row, world_of
 
 from hil.audit.cache import Cache
 from hil.audit.changes import changes
 from hil.audit.engine import audit
-from hil.audit.inputs import Approval, Filed
+from hil.audit.inputs import Filed
 from hil.audit.pages.page import as_html
 from hil.audit.reading import Folders, read_world, record_subject
 from hil.audit.recorded import past, record, verifications_ever
@@ -30,7 +30,6 @@ from hil.registers.nonconformances import (
     Disposition,
     NamedDocument,
     Nonconformance,
-    Record,
     Records,
     UnitName,
     Verification,
@@ -40,7 +39,6 @@ from hil.requirements.catalogue import load_catalogue
 from hil.requirements.lock import lock_text
 
 REVIEWED = msgspec.structs.replace(ASKED, method="analysis", kind="limit")
-UNIT = UnitName(part=DUT.part, serial=DUT.serial)
 DIGEST = "d" * 64
 SHOWN = Verification(
     id="V-1",
@@ -56,12 +54,6 @@ SHOWN = Verification(
     statement="The load has 97 to 103 ohm from -20 to 60 degC",
     documents=(NamedDocument(file="documents/thermal.pdf", sha256=DIGEST),),
 )
-
-
-def approval(of, **changed):
-    """Return a valid approval of a verification by somebody else."""
-    fields = {"record": of.id, "sha256": Record(of=of).sha256, "role": "verification", "principal": "bo@x"}
-    return Approval(**{**fields, "utc": "2026-06-20T08:00:00Z", "seq": 5, **changed})
 
 
 def world(*items, asked=REVIEWED, approvals=None, documents=None, reports=(), shown=(), people=(), **changed):

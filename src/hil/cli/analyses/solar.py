@@ -157,7 +157,7 @@ def _lines(said: str, curve: IvCurve, gates: tuple[Gate, ...], remarks: tuple[st
     rows = [(name.replace("_", " "), stated(figure)) for name, figure in curve.figures.items()]
     lines += aligned(rows, indent="  ")
     if math.isfinite(curve.reach):
-        lines += ["", f"extrapolated to short circuit: {curve.reach:.1%} of the open-circuit voltage"]
+        lines += ["", f"extrapolated to short circuit: {max(curve.reach, 0.0):.1%} of the open-circuit voltage"]
     return lines
 
 
