@@ -28,7 +28,7 @@ def shown(direction: Array, condition: float, estimate: Estimate) -> tuple[Gate,
     """Ask whether the readings show bias and matrix: an ellipsoid, a fit at rest, the sphere, and every parameter."""
     return (
         Gate(name="ellipsoid", channel="", ok=True, reason="the readings lie on an ellipsoid"),
-        _gate("converged", estimate.converged, f"the fit took {estimate.iterations} steps", "it did not come to rest"),
+        _gate("converged", estimate.converged, f"the fit took {estimate.iterations} steps", "it did not converge"),
         _covered(direction),
         _gate(
             "condition",

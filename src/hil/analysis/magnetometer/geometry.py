@@ -58,7 +58,7 @@ class Estimate:
     Attributes:
         bias: (3,), in the unit of the readings.
         gain: (3, 3), symmetric and positive definite, field per reading; NaN where the fit found no ellipsoid.
-        converged: whether the fit came to rest.
+        converged: whether the fit converged.
         iterations: how many steps it took, 0 where it is direct.
     """
 

@@ -92,7 +92,7 @@ def fitted(
     """Return the slope of the bias over temperature, and the fit to readings that are freed of it.
 
     The slope enters every residual as the bias does, times the temperature above the mean of the readings: each pass
-    solves for its change together with bias and gain, and fits these again by their own method. It has come to rest
+    solves for its change together with bias and gain, and fits these again by their own method. It has converged
     when it changes by a thousandth of its uncertainty.
 
     Args:

@@ -151,7 +151,7 @@ def calibrate_photodiode(
     if fit.shunt[0] > _SIGNIFICANT * fit.shunt[1]:
         diode, converged = settled(kept, diode, (CORE + 1, weight, known.gap))
         fit = Fit(kept, diode, known, shunted=True)
-    told = "the fit came to rest" if converged else "the fit did not come to rest"
+    told = "the fit converged" if converged else "the fit did not converge"
     return _report(
         given,
         fit,

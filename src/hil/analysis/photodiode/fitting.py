@@ -38,7 +38,7 @@ def started(given: Readings, blank: Diode) -> Diode:
 
 
 def settled(given: Readings, start: Diode, asked_for: tuple[int, float, float]) -> tuple[Diode, bool]:
-    """Return the diode of least squares, and whether the steps came to rest.
+    """Return the diode of least squares, and whether the steps converged.
 
     Args:
         given: readings.
