@@ -195,6 +195,18 @@ def test_the_control_socket_tells_injects_and_stops(folder):
     assert not folder.exists()
 
 
+def test_the_control_socket_connects_what_a_person_would(folder):
+    """The plant that the bench file maps to the question gets it, or loses what it has; also after a fault came."""
+    with serving(folder) as server:
+        control = NetworkClient(folder / CONTROL)
+        told(server, control, {"fault": {"device": "relay1", "kind": "welded", "contact": "1"}})
+        for thing, there in (("x_plus", "x_plus"), ("none", ""), ("y_minus", "y_minus")):
+            asked = {"connect": {"name": "outer-board", "thing": thing}}
+            assert told(server, control, asked) == {"connect": True}
+            assert told(server, control, {"state": "plants.coil.board"}) == {"state": there}
+        control.close()
+
+
 def test_an_end_that_is_unplugged_hangs_up_and_comes_back(folder):
     """A client sees the hang-up, nobody can open it until it is plugged again, and the instrument goes on as it was."""
     with serving(folder) as server:
@@ -237,6 +249,9 @@ def test_an_end_that_is_unplugged_hangs_up_and_comes_back(folder):
         (b'{"state": "plants.x"}\n', "there is no 'x'"),
         (b'{"fault": "dead"}\n', "names its device"),
         (b'{"unplug": "relay"}\n', "did you mean 'relay1'"),
+        (b'{"connect": "x_plus"}\n', "the name of its question"),
+        (b'{"connect": {"name": "outer-board", "thing": "w_plus"}}\n', "has no 'w_plus'"),
+        (b'{"connect": {"name": "inner-board", "thing": "x_plus"}}\n', "does not know what 'inner-board' is"),
         (b'{"plug": ["psu1"]}\n', "no end"),
         (b'{"fault": {"device": "psu1", "kind": ["dead"]}}\n', "unknown fault"),
     ],

@@ -113,6 +113,7 @@ class Server:
         self._looked_up_s = wall()
         self.ends: dict[str, SerialEnd | NetworkEnd] = {}
         self._questions: Mapping[str, Callable[[object], object]] = {
+            "connect": self._take_connect,
             "ends": self._say_ends,
             "fault": self._take_fault,
             "plug": self._take_plug,
@@ -225,6 +226,15 @@ class Server:
         if not isinstance(content, Mapping) or not isinstance(content.get("device"), str):
             raise Refused("a fault names its device", 'write for example {"device": "psu1", "kind": "dead"}')
         self._bench.inject(content["device"], {key: value for key, value in content.items() if key != "device"})
+        return True
+
+    def _take_connect(self, content: object) -> object:
+        words = [content.get(key) for key in ("name", "thing")] if isinstance(content, Mapping) else []
+        name, thing = words or (None, None)
+        if not isinstance(name, str) or not isinstance(thing, str):
+            told = 'write for example {"name": "outer-board", "thing": "x_plus"}'
+            raise Refused("what is connected has the name of its question, and what it is", told)
+        self._bench.world.person.answer("connect", name, "", (thing,))
         return True
 
     def _take_plug(self, name: object) -> object:
