@@ -94,12 +94,13 @@ def test_logs_are_analysed_as_told(page, tmp_path):
 
 @pytest.mark.system
 @pytest.mark.timeout(360)
-def test_a_solar_panel_is_measured_as_told(tmp_path):
-    """The curve with a simulated person, with a file and with nobody; the documents; a curve from a file."""
+@pytest.mark.parametrize("page", ["measure-a-solar-panel", "calibrate-a-photodiode"])
+def test_light_is_measured_as_told(page, tmp_path):
+    """The plan with a simulated person, with a file and with nobody; documents; an analysis of readings from a file."""
     for name in ("fixtures", "testplans", "docs/data"):
         shutil.copytree(ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(ROOT / "pyproject.toml", tmp_path)
-    assert follow(steps_of(DOCS / "how-to" / "measure-a-solar-panel.md"), tmp_path) == ""
+    assert follow(steps_of(DOCS / "how-to" / f"{page}.md"), tmp_path) == ""
 
 
 @pytest.mark.system
