@@ -111,6 +111,15 @@ def test_the_export_gives_back_the_samples():
     assert document["temperatures"] == [15.0, 35.0]
 
 
+def test_an_export_has_no_digit_that_a_machine_decides():
+    """How sums are ordered changes the last digits of a covariance, and would change the fingerprint."""
+    document = json.loads(photodiode_as_json(REPORT))
+    uncertain = [document["dof"], *(each for row in document["covariance"] for each in row)]
+    for digits, found in ((9, list(document["numbers"].values())), (6, uncertain)):
+        assert found == [float(f"{each:.{digits}g}") for each in found]
+    assert document["covariance"] == [pytest.approx(row, rel=1e-5) for row in REPORT.covariance.tolist()]
+
+
 @pytest.mark.skipif(shutil.which("cc") is None, reason="no compiler for C")
 def test_the_c_header_computes_the_same(tmp_path):
     """The formula of its comment, compiled, gives the light that the library gives, and the fingerprint of the JSON."""

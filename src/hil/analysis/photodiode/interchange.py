@@ -36,11 +36,12 @@ _NUMBERS = {
     "shunt": "S",
     "series": "ohm",
 }
+_CERTAIN = 6  # digits of a covariance: more differ from one linear algebra to another
 _PRINTED = 1e-6  # of the photocurrent: what nine printed digits may change, with room
 
 
 def as_document(report: PhotodiodeReport) -> dict[str, object]:
-    """Return the calibration as plain data, its numbers with 9 significant digits, and its fingerprint.
+    """Return the calibration as plain data with its fingerprint: 9 significant digits, 6 of covariance and dof.
 
     Raises:
         Refused: a report that a gate speaks against.
@@ -58,14 +59,18 @@ def as_document(report: PhotodiodeReport) -> dict[str, object]:
             "units": _NUMBERS,
             "boltzmann": ELECTRONVOLTS,
             "temperatures": [interchange.short(report.coldest), interchange.short(report.hottest)],
-            "covariance": interchange.rows(tuple(map(tuple, report.covariance.tolist()))),
+            "covariance": [[_certain(each) for each in row] for row in report.covariance.tolist()],
             "covariance_of": ["ln photocurrent", "coefficient", "ln saturation", "ideality", "gap", "shunt"][
                 : len(report.covariance)
             ],
-            "dof": interchange.finite(report.dof),
+            "dof": _certain(report.dof),
             "identifiability": report.identifiability,
         }
     )
+
+
+def _certain(number: float) -> float:
+    return float(f"{number:.{_CERTAIN}g}")
 
 
 def _printed(diode: Diode) -> Diode:
