@@ -229,6 +229,15 @@ def test_linearity_needs_three_currents_and_a_field(amperes, fields):
     assert found.status is FigureStatus.NOT_OBSERVABLE
 
 
+@pytest.mark.parametrize(
+    ("uncertainty", "status"), [(0.0004, FigureStatus.MEASURED), (0.0009, FigureStatus.NOT_OBSERVABLE)]
+)
+def test_currents_that_differ_by_noise_carry_no_line(uncertainty, status):
+    """Three currents 4 mA apart, known to 0.4 mA or 0.9 mA; five standard uncertainties are asked."""
+    currents = [figure(value, "A", uncertainty) for value in (0.008, 0.010, 0.012)]
+    assert linearity(currents, [figure(value, "uT", 0.1) for value in (2.7, 4.1, 5.5)]).status is status
+
+
 def test_linearity_of_unknown_uncertainty_says_so():
     """A field of unknown uncertainty leaves the departure without one."""
     currents = [figure(value, "A") for value in (0.0, 1.0, 2.0)]

@@ -147,23 +147,26 @@ def copper_at(measured: Figure, temperature: Figure, *, reference: float = _REFE
 
 
 @traced
-def linearity(currents: Sequence[Figure], fields: Sequence[Figure]) -> Figure:
+def linearity(currents: Sequence[Figure], fields: Sequence[Figure], *, significant: float = 5.0) -> Figure:
     """Return the largest distance of the fields from a straight line over the current, relative to full scale.
 
     The line is a weighted least squares fit with an intercept. Weights are 1 / u^2, with u from the field and, by the
     slope, from the current; all weights are equal where an uncertainty is unknown or zero. Full scale is the largest
     |field|. The uncertainty is that of the one distance, to first order: r = (1 - H) B with covariance
     (1 - H) diag(u^2) (1 - H)^T. The largest of several distances is biased upwards, so an upper limit stays safe.
+    Currents that differ by their noise alone, as where a contact is welded, carry no line.
 
     Args:
         currents: in A, with sign; at least three different ones.
         fields: along the normal, in one unit; the pairs of `currents`.
+        significant: how many of the largest standard uncertainty the currents must be apart.
     """
     if len(currents) != len(fields):
         raise ValueError(f"{len(currents)} currents need as many fields, got {len(fields)}")
     amperes = _values(currents, "A")
     field = _values(fields, fields[0].unit if fields else "uT")
-    if not _makes_line(amperes, field):
+    known = _uncertainties(currents)
+    if not _makes_line(amperes, field) or (known is not None and not np.ptp(amperes) > significant * known.max()):
         return not_observable("1")
     spread = _line_uncertainties(currents, fields, amperes, field)
     away = np.eye(field.size) - _hat(amperes, spread)
