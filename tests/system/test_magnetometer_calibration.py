@@ -147,7 +147,7 @@ def test_what_must_not_pass(tmp_path, bench, parameters, verdict, said):
     ("said", "bench", "verdict", "told"),
     [
         ("yes", {}, "PASS", "1 passed"),
-        ("yes", {MOUNTED: ""}, "INCONCLUSIVE", "coverage"),
+        ("yes", {MOUNTED: ""}, "FAIL", "MAG-CAL-032 handedness = -1"),
         ("no", {}, "ERROR", "answers 'no' to 'board-on-table'"),
     ],
 )
