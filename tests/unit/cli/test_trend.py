@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -108,9 +109,11 @@ def test_a_question_without_an_answer_says_what_there_is(capsys, workspace, argu
     assert (code, answer in err) == (4, True)
 
 
-def test_a_damaged_package_has_no_value(capsys, workspace):
+def test_a_damaged_package_has_no_value(capsys, runs, tmp_path, monkeypatch):
     """It is left out, and that is said; the index does not bring it back."""
-    journal = workspace / "reports/run-SN1-02abcd" / JOURNAL
+    own = shutil.copytree(runs, tmp_path / "damaged")
+    monkeypatch.chdir(own)
+    journal = own / "reports/run-SN1-02abcd" / JOURNAL
     journal.chmod(0o644)
     journal.write_bytes(journal.read_bytes()[:-1])
     _, out, err = said(capsys, "trend", "rate_error", "--of", "x")
