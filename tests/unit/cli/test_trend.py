@@ -58,10 +58,11 @@ def runs(tmp_path_factory):
 
 
 @pytest.fixture
-def workspace(runs, monkeypatch):
-    """Go to the workspace."""
-    monkeypatch.chdir(runs)
-    return runs
+def workspace(runs, tmp_path, monkeypatch):
+    """Go to a copy of the workspace, to write to and to damage."""
+    own = shutil.copytree(runs, tmp_path / "workspace")
+    monkeypatch.chdir(own)
+    return own
 
 
 def test_a_parameter_over_runs_is_a_table(capsys, workspace):
@@ -109,11 +110,9 @@ def test_a_question_without_an_answer_says_what_there_is(capsys, workspace, argu
     assert (code, answer in err) == (4, True)
 
 
-def test_a_damaged_package_has_no_value(capsys, runs, tmp_path, monkeypatch):
+def test_a_damaged_package_has_no_value(capsys, workspace):
     """It is left out, and that is said; the index does not bring it back."""
-    own = shutil.copytree(runs, tmp_path / "damaged")
-    monkeypatch.chdir(own)
-    journal = own / "reports/run-SN1-02abcd" / JOURNAL
+    journal = workspace / "reports/run-SN1-02abcd" / JOURNAL
     journal.chmod(0o644)
     journal.write_bytes(journal.read_bytes()[:-1])
     _, out, err = said(capsys, "trend", "rate_error", "--of", "x")

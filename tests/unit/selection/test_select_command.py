@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import shutil
 
 import pytest
 from evidence_runs import DUT, DUTS_FILE, begin, case_end, check, record, recorded_check, stamps, write_report
@@ -70,10 +71,11 @@ def runs(tmp_path_factory):
 
 
 @pytest.fixture
-def workspace(runs, monkeypatch):
-    """Go to the workspace."""
-    monkeypatch.chdir(runs)
-    return runs
+def workspace(runs, tmp_path, monkeypatch):
+    """Go to a copy of the workspace, to write to and to damage."""
+    own = shutil.copytree(runs, tmp_path / "workspace")
+    monkeypatch.chdir(own)
+    return own
 
 
 def test_all_packages_of_a_workspace_take_part(capsys, workspace):
