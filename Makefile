@@ -40,10 +40,12 @@ system: setup
 	$(BIN)/python -m pytest -m "system and not alone" $(RUNS)
 	$(BIN)/python -m pytest -m "system and alone" $(WAITING)
 
-# Everything, every sweep in full: takes hours, most of them for the table of endings. Run it before a release.
+# Everything, every sweep in full: takes hours, most of them for the table of endings. Run it before a release. If it is
+# interrupted, or something failed by chance, it goes on with what has not passed on this commit; a tree with changes starts anew.
+soak: SOAKED = --passed-before .soak/$(shell git diff --quiet HEAD && git rev-parse HEAD || date +changed-%s)
 soak: setup
-	$(BIN)/python -m pytest --soak -m "not alone" $(SHARED)
-	$(BIN)/python -m pytest --soak -m "alone" $(WAITING)
+	$(BIN)/python -m pytest --soak -m "not alone" $(SHARED) $(SOAKED)
+	$(BIN)/python -m pytest --soak -m "alone" $(WAITING) $(SOAKED)
 
 # What a reviewer would find before reading: layout, style, types, layers.
 check: setup

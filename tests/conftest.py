@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import gc
 import sys
+from pathlib import Path
 
 import pytest
 import sweeps
 from hypothesis import settings
 from hypothesis.internal.conjecture import providers
+from passed_before import PassedBefore
 
 _GREW = 100  # modules; about a third of what the first whole run of a process imports
 _ALLOCATED = 50_000  # objects between two collections; at Python's 700, a fifteenth of all tests is collecting
@@ -18,6 +20,7 @@ _frozen_with = 0
 def pytest_addoption(parser):
     """Let sweeps be run whole."""
     parser.addoption("--soak", action="store_true", help="run sweeps whole, and tests that are marked `soak`")
+    parser.addoption("--passed-before", type=Path, metavar="FILE", help="leave these tests out, and add what passes")
 
 
 def pytest_configure(config):
@@ -25,6 +28,8 @@ def pytest_configure(config):
     sweeps.begin(whole=config.getoption("soak"))
     _give_examples(soak=config.getoption("soak"))
     gc.set_threshold(_ALLOCATED)
+    if config.getoption("passed_before"):
+        config.pluginmanager.register(PassedBefore(config.getoption("passed_before"), config))
 
 
 def _give_examples(*, soak):

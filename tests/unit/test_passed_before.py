@@ -1,0 +1,68 @@
+"""A soak that was interrupted goes on with what has not passed."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+_CONFTEST = """\
+from pathlib import Path
+from passed_before import PassedBefore
+
+def pytest_configure(config):
+    config.pluginmanager.register(PassedBefore(Path("kept/passed"), config))
+"""
+_TESTS = """\
+import os
+import pytest
+
+@pytest.fixture
+def spoilt():
+    yield
+    assert "GOOD" in os.environ
+
+def test_good():
+    pass
+
+def test_bad():
+    assert "GOOD" in os.environ
+
+def test_taken_down_badly(spoilt):
+    pass
+
+@pytest.mark.skipif("GOOD" not in os.environ, reason="not today")
+def test_skipped():
+    pass
+"""
+_SUPPORT = Path(__file__).parents[1] / "support"
+
+
+def ran(folder, *options, **environment):
+    """Run the tests of a folder and return the last lines."""
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "no:randomly", *options],
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": str(_SUPPORT), **environment},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    return done.stdout
+
+
+@pytest.mark.parametrize("options", [(), pytest.param(("-n", "2"), marks=pytest.mark.system)], ids=["one", "workers"])
+def test_only_what_has_not_passed_is_run_again(tmp_path, options):
+    """What failed, what failed when it was taken down, and what was skipped is; the rest is left out and counted."""
+    (tmp_path / "conftest.py").write_text(_CONFTEST)
+    (tmp_path / "test_some.py").write_text(_TESTS)
+    first = ran(tmp_path, *options)
+    assert "1 failed, 2 passed, 1 skipped, 1 error" in first
+    assert f"1 tests have passed, 0 of them before: {Path('kept/passed')}" in first
+    second = ran(tmp_path, *options, GOOD="1")
+    assert "3 passed" in second
+    assert "4 tests have passed, 1 of them before" in second
+    assert len((tmp_path / "kept/passed").read_text().split()) == 4
