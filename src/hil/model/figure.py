@@ -99,7 +99,8 @@ class Figure:
         if self.provenance is not None and found is None:
             found = self.provenance.but(*_changed(before, self._numbers))
         elif found is not None and self.uncertainty is not None and of_uncertainty is None:
-            found = found.but("its uncertainty was written by hand")
+            exact = not self.uncertainty and not found.measured  # a parameter of the plan is what it says
+            found = found if exact else found.but("its uncertainty was written by hand")
         if found is not None:
             value, uncertainty = self.value, self.uncertainty
             object.__setattr__(self, "value", float(value) if hasattr(value, "provenance") else value)

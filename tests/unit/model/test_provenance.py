@@ -114,6 +114,15 @@ def test_numbers_of_the_library_keep_it_and_make_figures():
     assert getattr(float(hours), "provenance", None) is None
 
 
+def test_only_a_parameter_is_exact_because_the_plan_says_so():
+    """It is what it is; of what was read an uncertainty of zero is as made up as any other."""
+    given = Provenance(sources=("parameter white",))
+    assert Figure(value=Number(1.5, given), unit="V", uncertainty=0.0).provenance.unproven == ()
+    written = ("its uncertainty was written by hand",)
+    assert Figure(value=Number(1.5, given), unit="V", uncertainty=0.1).provenance.unproven == written
+    assert Figure(value=Number(1.5, SUPPLY), unit="V", uncertainty=0.0).provenance.unproven == written
+
+
 @pytest.mark.parametrize("value", [Number(1.5, SUPPLY), Count(3, SUPPLY), Word("ended", SUPPLY)])
 def test_traced_values_are_plain_in_json_and_copies_keep_them(value):
     """The journal holds what it always held."""
