@@ -17,7 +17,7 @@ from hil.selection.confidence import Known, best
 from hil.selection.criteria import Candidate, Criteria
 from hil.selection.criteria import Cell as Asked
 from hil.selection.document import Cell, Document, Excluded, Package, Share, Standing, Unjudged, Used
-from hil.selection.figures import Input, Taken
+from hil.selection.figures import CALCULATED, Input, Taken
 
 __all__ = ["choose"]
 
@@ -106,7 +106,7 @@ class _Selection:
         self._newest = _newest(packages)
         self.excluded: set[Excluded] = set()
         self.used: Counter[str] = Counter()
-        self.unproven: set[str] = set()
+        self.unproven: defaultdict[str, set[str]] = defaultdict(set)
 
     def cell(self, asked: Asked) -> Cell:
         """Return a criterion for one role."""
@@ -152,11 +152,21 @@ class _Selection:
                 used.append(_combined(member, good, asked.unit))
                 told = told and all(each.figure.rate and each.figure.bandwidth for each in good)
                 self.used.update(each.package.digest for each in good)
-                self.unproven |= {each.figure.parameter for each in good if each.figure.unproven}
+                for figure in (each.figure for each in good):
+                    for reason in figure.unproven:
+                        self.unproven[reason].add(figure.parameter)
             else:
-                wrong["; ".join(dict.fromkeys(reasons)) or "no package has a figure"].append(member)
+                wrong["; ".join(dict.fromkeys(reasons)) or self._absent(asked, member)].append(member)
         every = ["all axes"] if len(asked.criterion.axes) > 1 and len(wrong) == 1 and not used else []
         return tuple(used), [f"{', '.join(every or its)}: {why}".removeprefix(": ") for why, its in wrong.items()], told
+
+    def _absent(self, asked: Asked, member: str) -> str:
+        """Return why nobody has a figure of an axis: a plan does not ask for it, or a run did not get that far."""
+        wanted = (asked.criterion.parameter, member)
+        owed = [each.run for each in self._packages if wanted in each.asked]
+        if owed:
+            return f"no package has a figure, though a requirement of {_listed(owed)} asks for one"
+        return "no package has a figure, and no requirement asks for one"
 
     def _of(self, asked: Asked, candidate: Candidate, member: str) -> list[_Found]:
         """Return what packages have of an axis: what a case checked against several limits is one figure."""
@@ -168,7 +178,15 @@ class _Selection:
             for each in package.figures:
                 wanted = each.parameter == criterion.parameter and each.of == member
                 if wanted and criterion.plan in {"", each.plan}:
-                    key = (package.digest, each.case, each.value, each.unit, each.uncertainty, bool(each.problem))
+                    again = CALCULATED in each.unproven  # equal calculations tell no more than one
+                    key = (
+                        "" if again else package.digest,
+                        each.case,
+                        each.value,
+                        each.unit,
+                        each.uncertainty,
+                        bool(each.problem),
+                    )
                     found.setdefault(key, _Found(package, each))
         return list(found.values())
 
@@ -341,9 +359,12 @@ def _warnings(
                 f"{source.upper()}: {number} of {len(counted)} packages that count {_are(number)} {source}; this says "
                 "nothing of real sensors"
             )
-    if chosen.unproven:
-        told = ", ".join(sorted(chosen.unproven))
-        yield f"UNPROVEN: {told}: no reading stands behind such figures, or they were changed by hand"
+    for reason, parameters in sorted(chosen.unproven.items()):
+        told = ", ".join(sorted(parameters))
+        if reason == CALCULATED:
+            yield f"CALCULATED: {told}: from parameters of the plan, as in a simulation; no sensor was read for it"
+        else:
+            yield f"UNPROVEN: {told}: {reason}"
     if number := sum(each.deviates for each in counted):
         yield f"{number} of {len(counted)} packages that count {'deviates' if number == 1 else 'deviate'} from the plan"
     if left_out:

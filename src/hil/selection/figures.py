@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import msgspec
 
@@ -18,7 +19,7 @@ from hil.model.errors import EvidenceError, HilError
 from hil.model.figure import FigureStatus
 from hil.model.verdict import Verdict
 
-__all__ = ["Input", "Taken", "gives", "read_input"]
+__all__ = ["CALCULATED", "Input", "Taken", "gives", "read_input"]
 
 _RUINED = frozenset({Verdict.ERROR, Verdict.ABORTED})
 _STATUS: Mapping[str, str] = {
@@ -26,7 +27,9 @@ _STATUS: Mapping[str, str] = {
     FigureStatus.NOT_OBSERVABLE: "it is not observable in its record",
     FigureStatus.MODEL_REJECTED: "its model does not describe the record",
 }
-_RECORDING = "recording "
+_RECORDING, _ANSWER, _PARAMETER = "recording ", "answer to ", "parameter "
+CALCULATED = "calculated"
+"""What is said of a figure behind which parameters of its plan stand, and nothing that was read or answered."""
 
 
 class Taken(msgspec.Struct, frozen=True, kw_only=True, order=True):
@@ -42,7 +45,7 @@ class Taken(msgspec.Struct, frozen=True, kw_only=True, order=True):
         unit: its unit.
         uncertainty: standard uncertainty; 0 if it is not known, which is a problem.
         dof: degrees of freedom, None if infinite.
-        unproven: whether no reading stands behind it, or it was changed by hand.
+        unproven: why it proves nothing, sentences of its check or `CALCULATED`; empty if a reading stands behind it.
         problem: why it does not count, a sentence without its full stop; empty if nothing speaks against it.
         rate: samples per second of its recordings, the least of them; None if the package does not tell.
         bandwidth: noise bandwidth of the sensor's filter in Hz; None if the package does not tell.
@@ -59,7 +62,7 @@ class Taken(msgspec.Struct, frozen=True, kw_only=True, order=True):
     unit: str
     uncertainty: float
     dof: float | None = None
-    unproven: bool = False
+    unproven: tuple[str, ...] = ()
     problem: str = ""
     rate: float | None = None
     bandwidth: float | None = None
@@ -83,6 +86,7 @@ class Input(msgspec.Struct, frozen=True, kw_only=True):
         deviates: whether the run differs from its plan.
         figures: its figures, sorted.
         superseded: earlier attempts of the cases that gave them, a sentence each.
+        asked: parameter and axis of the wanted figures that its requirements ask for.
     """
 
     run: str
@@ -97,6 +101,7 @@ class Input(msgspec.Struct, frozen=True, kw_only=True):
     deviates: bool = False
     figures: tuple[Taken, ...] = ()
     superseded: tuple[str, ...] = ()
+    asked: frozenset[tuple[str, str]] = frozenset()
 
 
 def read_input(folder: Path, wanted: Collection[tuple[str, str]]) -> Input:
@@ -165,7 +170,15 @@ def _told(package: Package, wanted: Collection[tuple[str, str]]) -> Input:
         began=str(package.lines()[0].wall.get("utc", "")),
         figures=tuple(sorted(figures)),
         superseded=tuple(superseded),
+        asked=frozenset(_asked(catalogue.values())) & frozenset(wanted),
     )
+
+
+def _asked(requirements: Iterable[Mapping[str, Any]]) -> Iterator[tuple[str, str]]:
+    for requirement in requirements:
+        for limit in requirement.get("limits") or ():
+            for axis in limit.get("of") or ("",):
+                yield limit["parameter"], axis
 
 
 def _superseded(case: CaseOutcome) -> Iterator[str]:
@@ -185,7 +198,7 @@ def _taken(case: CaseOutcome, check: Check, facts: Mapping[str, object]) -> Take
         unit=check.unit,
         uncertainty=check.uncertainty or 0.0,
         dof=check.dof,
-        unproven=bool(check.unproven),
+        unproven=_unproven(check),
         problem=_problem(case, check, number),
         **facts,  # type: ignore[arg-type]  # of the fields that they name
     )
@@ -203,6 +216,15 @@ def _problem(case: CaseOutcome, check: Check, number: float | None) -> str:
         (check.uncertainty is None, "its uncertainty is not known, so that nothing tells it from another"),
     )
     return next((text for holds, text in reasons if holds), "")
+
+
+def _unproven(check: Check) -> tuple[str, ...]:
+    sources = check.provenance or ()
+    read = check.instruments or any(each.startswith(_ANSWER) for each in sources)
+    # Of what nobody read the first sentence says that; a second one says what else was done to it.
+    if not read and len(check.unproven or ()) == 1 and any(each.startswith(_PARAMETER) for each in sources):
+        return (CALCULATED,)
+    return tuple(check.unproven or ())
 
 
 def _told_of(reasons: Iterable[str]) -> str:

@@ -85,7 +85,9 @@ def _best(cell: Cell) -> str:
     tied = '<span class="soft">cannot be told apart</span>' if len(cell.best) > 1 else ""
     if len(cell.best) == len(cell.standings) > _FEW:
         names, tied = "all alike", f'<span class="soft">{names}: cannot be told apart</span>'
+    missing = ", ".join(escaped(each.candidate) for each in cell.unjudged)
     partly = f'<span class="badge open">{len(cell.standings)} of {of_all} judged</span>' if cell.unjudged else ""
+    partly += f'<span class="told">not judged: {missing}</span>' if cell.unjudged else ""
     notes = "".join(f'<span class="told">{escaped(note)}</span>' for note in cell.notes)
     value = escaped(measured(first.value, first.expanded, cell.unit))
     sure = _sure(first) if len(cell.standings) > 1 else '<span class="soft">the only one</span>'

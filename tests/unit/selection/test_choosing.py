@@ -10,6 +10,7 @@ from selected import criteria, package, taken
 from hil.model.errors import EvidenceError
 from hil.selection.choosing import choose
 from hil.selection.confidence import Known, best
+from hil.selection.figures import CALCULATED
 
 _TWO = """
     title: Two sensors
@@ -83,9 +84,14 @@ def test_a_figure_that_does_not_count_takes_its_candidate_out_and_says_why(selec
 
 
 def test_an_axis_without_a_figure_is_named(selected):
-    """Nothing was excluded: nobody measured it."""
+    """Nothing was excluded: nobody measured it, because no plan asks for it or because a run did not get there."""
     cell = _cell(selected(package(1, {"gyroscope.a.x": 1.0}), package(2, _B)))
-    assert cell.unjudged[0].reasons == ("gyroscope.a.y: no package has a figure",)
+    assert cell.unjudged[0].reasons == ("gyroscope.a.y: no package has a figure, and no requirement asks for one",)
+
+    asked = package(1, {"gyroscope.a.x": 1.0}, asked=frozenset({("white_noise", "gyroscope.a.y")}))
+    cell = _cell(selected(asked, package(2, _B)))
+    reason = "no package has a figure, though a requirement of run-1 asks for one"
+    assert cell.unjudged[0].reasons == (f"gyroscope.a.y: {reason}",)
 
 
 def test_noise_behind_a_narrow_filter_counts_and_nothing_is_left_to_say(selected):
@@ -148,20 +154,35 @@ def test_a_copy_of_a_package_is_one_package_and_two_contents_of_one_run_are_refu
 def test_what_a_reader_has_to_know_stands_first(selected):
     """Simulated and replayed runs, deviations, what was not given, and what is gone."""
     document = selected(
-        package(1, [taken(*each, unproven=True) for each in _A.items()], source="simulated", deviates=True),
-        package(2, _B, source="replayed"),
+        package(
+            1,
+            [taken(*each, unproven=("its value was replaced by hand",)) for each in _A.items()],
+            source="simulated",
+            deviates=True,
+        ),
+        package(2, [taken(*each, unproven=(CALCULATED,)) for each in _B.items()], source="replayed"),
         left_out=["run-3"],
         missing=["run-4"],
     )
     assert document.warnings == (
         "SIMULATED: 1 of 2 packages that count is simulated; this says nothing of real sensors",
         "REPLAYED: 1 of 2 packages that count is replayed; this says nothing of real sensors",
-        "UNPROVEN: white_noise: no reading stands behind such figures, or they were changed by hand",
+        "CALCULATED: white_noise: from parameters of the plan, as in a simulation; no sensor was read for it",
+        "UNPROVEN: white_noise: its value was replaced by hand",
         "1 of 2 packages that count deviates from the plan",
         "Not given, though it has such figures: run-3",
         "The ledger names runs that are not here, and may have such figures: run-4",
     )
     assert document.excluded[0].reason == "it was not given"
+
+
+def test_a_calculation_that_is_repeated_is_no_second_figure(selected):
+    """The same parameters and seed give the same number, which two packages make no surer; two measurements are two."""
+    once, again = (package(day, [taken(*each, unproven=(CALCULATED,)) for each in _A.items()]) for day in (1, 3))
+    (axis, _) = next(each for each in _cell(selected(once, again, package(2, _B))).standings).axes
+    assert (axis.uncertainty, axis.packages) == (pytest.approx(0.01), (once.digest,))
+    (axis, _) = next(each for each in _cell(selected(package(1, _A), package(3, _A), package(2, _B))).standings).axes
+    assert axis.uncertainty == pytest.approx(0.01 / math.sqrt(2))
 
 
 def test_candidates_by_serial_number_and_part_have_runs_of_their_own(selected):

@@ -7,7 +7,7 @@ from typed_events import event_of
 
 from hil.evidence.results.outcome import CaseOutcome
 from hil.model.verdict import Verdict
-from hil.selection.figures import _Conditions, _problem
+from hil.selection.figures import CALCULATED, _asked, _Conditions, _problem, _unproven
 
 _CHECK = {
     "case": "test_noise", "step": "1", "requirement": "R-1", "parameter": "white_noise", "of": "gyroscope.bno.x",
@@ -55,6 +55,33 @@ def test_a_figure_counts_unless_its_data_speak_against_it(changed, case, problem
     check = event_of("check", **{**_CHECK, **changed})
     number = check.value if isinstance(check.value, float) else None
     assert _problem(_case(case), check, number) == problem
+
+
+_NOWHERE = "no reading, recording or answer stands behind this value"
+_BY_HAND = "its uncertainty was written by hand"
+
+
+@pytest.mark.parametrize(
+    ("instruments", "provenance", "unproven", "told"),
+    [
+        (["bno1"], ["recording rest, x"], [], ()),
+        ([], ["parameter white", "simulate", "characterise"], [_NOWHERE], (CALCULATED,)),
+        ([], ["parameter white", "simulate"], [_NOWHERE, _BY_HAND], (_NOWHERE, _BY_HAND)),
+        ([], [], [_NOWHERE], (_NOWHERE,)),
+        (["bno1"], ["recording rest, x", "parameter white"], [_BY_HAND], (_BY_HAND,)),
+        ([], ["answer to level", "parameter white"], [_BY_HAND], (_BY_HAND,)),
+    ],
+)
+def test_what_was_simulated_from_parameters_is_no_number_typed_by_hand(instruments, provenance, unproven, told):
+    """A closure is calculated; a number from nowhere, and one that was changed, are told as the check told them."""
+    changed = {"instruments": instruments, "provenance": provenance, "unproven": unproven}
+    assert _unproven(event_of("check", **{**_CHECK, **changed})) == told
+
+
+def test_what_requirements_ask_for_is_known_by_axis():
+    """A limit without axes asks for one figure; a requirement without limits for none."""
+    limits = [{"parameter": "white_noise", "of": ["x", "y"]}, {"parameter": "count", "of": []}]
+    assert [*_asked([{"limits": limits}, {}])] == [("white_noise", "x"), ("white_noise", "y"), ("count", "")]
 
 
 class _Told:

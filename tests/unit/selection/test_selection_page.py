@@ -57,6 +57,7 @@ def test_who_was_not_judged_leaves_a_mark_on_the_winner(page):
     text = page(a=1.0, b=-2.0, c=-3.0)
     assert '<b class="open">A</b>' in text
     assert '<span class="soft">the only one</span><span class="badge open">1 of 3 judged</span>' in text
+    assert '<span class="told">not judged: B, C</span>' in text
     assert "white_noise of gyroscope.b.x, gyroscope.b.y" in text
     assert '<b class="open">nobody</b><span class="badge open">0 of 3 judged</span>' in page(a=-1.0)
 
