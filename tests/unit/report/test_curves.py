@@ -178,6 +178,33 @@ def test_a_step_that_did_not_end_well_stands_alone():
     ]
 
 
+def driven(*calls):
+    """Return what the report says of one step that makes these calls."""
+    about = {"case": "c", "number": "1"}
+    events = [event_of("step", t=1.0, path=["Sweep"], **about)]
+    for name, arguments in calls:
+        events.append(event_of("effect", t=1.0, case="c", step="1", effect="drives", name=name, arguments=arguments))
+    events.append(event_of("step-end", t=2.0, path=["Sweep"], outcome="done", duration=1.0, **about))
+    (row,) = step_rows(attributed(events))
+    return row.effects
+
+
+def test_many_calls_of_a_step_that_differ_in_numbers_are_one():
+    """A sweep of 40 points is one entry with its range at the place of its first call; words are never merged."""
+    sweep = [("load.constant_voltage", {"voltage": place / 10, "lead": 2}) for place in reversed(range(40))]
+    pair = [("relays.close", {"contact": "lamp"}), ("relays.close", {"contact": "dryer"})]
+    assert driven(("load.enable", {}), *sweep, *pair) == (
+        "load.enable(); load.constant_voltage(voltage=0 to 3.9, lead=2) 40 times; "
+        "relays.close(contact=lamp); relays.close(contact=dryer)"
+    )
+
+
+def test_a_few_calls_of_a_step_stand_one_by_one():
+    """Up to four calls alike keep their numbers and their order."""
+    calls = [("supply.set", {"voltage": volts}) for volts in (3.3, 5, 3.3, 0)]
+    assert driven(*calls) == "; ".join(f"supply.set(voltage={volts})" for volts in ("3.3", "5", "3.3", "0"))
+
+
 def checked(**fields):
     """Return one check as it stands in a journal."""
     return event_of("check", **specimen_run.check(1.0, "c", "A-1", "error", **fields)[2])

@@ -8,16 +8,17 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise, zip_longest
 from pathlib import PurePath
+from typing import TypeGuard
 
 from hil.evidence.events import Answer, Effect, Question, Recording, Step, StepEnd
-from hil.report.numbers import bench_time, duration, quantity
+from hil.report.numbers import bench_time, duration, number, quantity
 from hil.report.page.as_run import Placed, ids
 from hil.report.page.view import Exchange, StepRow
 
 __all__ = ["step_rows"]
 
 _NUMBERS = re.compile(r"-?\d+(?:\.\d+)?")
-_FEW = 4  # numbers of a run of steps that are named one by one
+_FEW = 4  # numbers of a run of steps, and calls of a step, that are named one by one
 _EFFECTS = {"reads": "read", "waits": "wait", "asks": "question"}
 
 
@@ -173,9 +174,32 @@ def _outside(events: Sequence[Placed]) -> StepRow:
 
 
 def _effects(within: Iterable[Placed]) -> str:
-    """Return what was driven, call by call, and how often it was read, waited and asked."""
+    """Return what was driven, call by call, and how often it was read, waited and asked.
+
+    Many calls that differ in numbers alone are one entry at the place of the first: the sweep of a load has a call for
+    each of its points, and the journal holds them all.
+    """
     effects = _effects_of(within)
-    return "; ".join((*(_call(effect) for effect in effects if effect.effect == "drives"), *_others(effects)))
+    alike: dict[object, list[Effect]] = {}
+    for effect in effects:
+        if effect.effect == "drives":
+            alike.setdefault(_words_of(effect), []).append(effect)
+    shown = {
+        id(effect): _call(effect) if len(calls) <= _FEW else _calls(calls)
+        for calls in alike.values()
+        for effect in (calls if len(calls) <= _FEW else calls[:1])
+    }
+    return "; ".join((*(shown[id(effect)] for effect in effects if id(effect) in shown), *_others(effects)))
+
+
+def _words_of(effect: Effect) -> object:
+    """Return what calls that differ in numbers alone have in common."""
+    given = ((key, None if _is_number(value) else str(value)) for key, value in effect.arguments.items())
+    return effect.name, tuple(given)
+
+
+def _is_number(value: object) -> TypeGuard[int | float]:
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def _effects_of(within: Iterable[Placed]) -> tuple[Effect, ...]:
@@ -191,6 +215,21 @@ def _others(effects: Iterable[Effect]) -> tuple[str, ...]:
 
 def _call(effect: Effect) -> str:
     return f"{effect.name}({', '.join(f'{key}={value}' for key, value in effect.arguments.items())})"
+
+
+def _calls(effects: Sequence[Effect]) -> str:
+    """Return calls that differ in numbers alone as one: `load.constant_voltage(voltage=0 to 2.69) 41 times`."""
+    given = ((key, [effect.arguments[key] for effect in effects]) for key in effects[0].arguments)
+    told = ", ".join(f"{key}={_range(values)}" for key, values in given)
+    return f"{effects[0].name}({told}) {len(effects)} times"
+
+
+def _range(values: Sequence[object]) -> str:
+    numbers = sorted({value for value in values if _is_number(value)})
+    if not numbers:
+        return str(values[0])
+    low, high = number(numbers[0]), number(numbers[-1])
+    return low if low == high else f"{low} to {high}"
 
 
 def _exchanges(within: Iterable[Placed]) -> tuple[Exchange, ...]:
