@@ -53,6 +53,19 @@ def test_a_run_that_proves_everything_can_close(proven):
     assert all(each.proven and each.text for each in found.conditions)
 
 
+def test_limits_of_the_envelope_are_counted_in_words(proven):
+    """One limit was tried, two were tried."""
+    events, facts = proven
+    gate = next(each for each in events if each.kind() == "gate" and each.name.startswith("envelope "))
+    others = [each for each in events if each.kind() != "gate" or not each.name.startswith("envelope ")]
+    for gates, told in (
+        ([gate], "1 limit of the envelope was tried"),
+        ([gate] * 2, "2 limits of the envelope were tried"),
+    ):
+        found = derive([*others, *gates], facts, content_digest="")
+        assert told in {each.text for each in found.conditions}
+
+
 def test_a_bench_that_was_not_armed_may_have_an_envelope(proven):
     """Nobody tried it: that is another reason than a bench without one."""
     events, facts = proven

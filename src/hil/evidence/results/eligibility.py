@@ -252,7 +252,8 @@ def _course(state: RunState) -> Iterator[Condition]:
     none = (
         "the bench has no envelope" if state.armed else "the bench was not armed, so no limit of the envelope was tried"
     )
-    yield condition("envelope", limits > 0, f"{limits} limits of the envelope were tried", none)
+    tried = "1 limit of the envelope was tried" if limits == 1 else f"{limits} limits of the envelope were tried"
+    yield condition("envelope", limits > 0, tried, none)
     yield condition("trip", state.trip is None, "the envelope did not trip", "the envelope tripped")
     safe = state.safe is True
     yield condition("safe", safe, "the bench was proven safe at the end", "the bench was not proven safe at the end")
