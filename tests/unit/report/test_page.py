@@ -340,6 +340,19 @@ def test_an_attachment_is_shown_with_what_is_said_of_it(tmp_path):
     assert f"2-log.csv (Ada), sha256 {'0' * 64}" in words
 
 
+def test_a_case_that_made_a_file_is_not_among_the_people(tmp_path):
+    """The section of people names who attached a file, and no case; the file stands among the notes."""
+    events = list(one_case("PASS"))
+    case = "plan/test_a.py::test_a"
+    for name, by in (("table.csv", case), ("photo.jpg", "Ada")):
+        events.append(("attachment", 3.0, {"file": name, "sha256": "0" * 64, "by": by, "text": ""}))
+    page = page_of(tmp_path, events=events)
+    people = page[page.index('id="people"') : page.index('id="parameters"')]
+    assert "Ada" in people
+    assert case not in people
+    assert f"table.csv ({case})" in Page(page).words
+
+
 def test_marks_that_reorder_text_are_shown_by_number(tmp_path):
     """A bidirectional override cannot turn a FAIL into something else; it is printed as its number."""
     page = page_of(tmp_path, run={"operator": "Ada\u202eSSAP\u0007"}, events=list(one_case("FAIL", reason="\u2066x")))

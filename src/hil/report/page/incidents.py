@@ -113,9 +113,10 @@ def safe_off(events: Iterable[Event]) -> tuple[SafeRow, ...]:
     )
 
 
-def people(run: Run | None, events: Iterable[Placed]) -> tuple[tuple[str, str], ...]:
-    """Return who took part, with what they did, sorted by name."""
+def people(run: Run | None, events: Sequence[Placed]) -> tuple[tuple[str, str], ...]:
+    """Return who took part, with what they did, sorted by name; a case that made a file is nobody."""
     parts: dict[str, dict[str, None]] = {}
+    cases = {each.case for each in events}
     told = [(run.operator, "operator"), (run.on_call or "", "on call")] if run else []
     for each in events:
         event = each.event
@@ -124,7 +125,7 @@ def people(run: Run | None, events: Iterable[Placed]) -> tuple[tuple[str, str], 
         if isinstance(event, Answer):
             told.append((event.witness, "witnessed answers"))
     for name, did in told:
-        if name:
+        if name and name not in cases:
             parts.setdefault(name, {})[did] = None
     return tuple((name, ", ".join(done)) for name, done in sorted(parts.items()))
 
