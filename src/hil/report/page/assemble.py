@@ -212,7 +212,7 @@ def _told_once(found: Sequence[Happening], entries: Mapping[str, Body]) -> tuple
     known = [each for each in found if each.kind == "anomaly" and any(each.text.endswith(own) for own in sources)]
     if len(known) < 2:
         return tuple(found)
-    told = f"{counted(len(known), 'source')} of requirements have an anomaly; section 3 tells it beside each of them"
+    told = f"{counted(len(known), 'source')} of requirements have an anomaly: see section 3"
     first = replace(known[0], text=told, case=None)
     rest = [first if each is known[0] else each for each in found if each is known[0] or each not in known]
     return tuple(rest)
