@@ -78,6 +78,7 @@ _Array: TypeAlias = NDArray[np.float64]
 
 _ROUNDING = 1e-9  # of the value: a channel that moves less than this does not move
 _LONGER = 3.0  # times the longest run that chance makes
+_SELDOM = 1e-6  # records of a good sensor that stand still, or repeat rows, for longer
 _FEWEST = 10  # equal samples that are never called stuck
 _LOOKED_AT = 200_000  # samples that tell steps and scatter well enough
 _MANY = 0.01  # share of repeated rows that is looked at
@@ -112,7 +113,9 @@ def stuck(channel: str, values: _Array) -> Gate:
     """Trip where a channel never moves, or stands still for much longer than chance explains.
 
     In n samples of which a share p repeats the one before, the longest run of equal samples is about
-    ln(n) / -ln(p); three times that, and ten samples, are allowed.
+    ln(n) / -ln(p); three times that, ten samples, and what one record in a million holds are allowed. A signal that
+    turns back or rests in the middle of a count repeats more often there than elsewhere: p is at least the share of its
+    noise that stays within a count.
     """
     values = present(values)
     if values.size < 2:
@@ -124,14 +127,39 @@ def stuck(channel: str, values: _Array) -> Gate:
     longest, place = _longest(again)
     runs = values.size - again.size
     others = max(1, values.size - longest)
-    share = min(max((others - runs + 1) / others, 0.5 / others), 1.0 - 0.5 / others)
-    usual = math.log(values.size) / -math.log(share)
-    if longest <= max(_FEWEST, _LONGER * usual):
+    most = 1.0 - 0.5 / others
+    share = min(max((others - runs + 1) / others, 0.5 / others), most)
+    if longest > max(_FEWEST, _LONGER * _by_chance(values.size, share)):
+        share = min(max(share, _within_a_count(values, slice(place, place + longest))), most)
+    usual, rare = _by_chance(values.size, share), _by_chance(values.size / _SELDOM, share)
+    if longest <= max(_FEWEST, _LONGER * usual, rare):
         return Gate(name="stuck", channel=channel, ok=True, reason=f"at most {longest} equal samples follow each other")
     reason = (
         f"{longest} equal samples follow each other from number {place + 1} on, where chance makes about {usual:.0f}"
     )
     return Gate(name="stuck", channel=channel, ok=False, reason=reason, samples=(place + 1, place + longest))
+
+
+def _by_chance(samples: float, share: float) -> float:
+    """Return the length of the longest run of equal samples among so many, of which a share repeats the one before."""
+    return math.log(samples) / -math.log(share)
+
+
+def _within_a_count(values: _Array, run: slice) -> float:
+    """Return the share of samples that noise leaves in the count in whose middle the signal stands.
+
+    The noise is that of samples against the mean of their neighbours, outside of a run of equal ones; rounding adds a
+    twelfth of the squared count to its variance. The count is the least distance of neighbours.
+    """
+    steps = np.diff(values)
+    moving = np.abs(steps[steps != 0.0])
+    off = np.diff(steps)
+    off = np.delete(off, slice(max(0, run.start - 2), run.stop))
+    if not off.size:
+        return 0.0
+    count = float(moving.min())
+    variance = float(np.square(off).mean()) / 6.0 - count**2 / 12.0
+    return math.erf(count / math.sqrt(8.0 * variance)) if variance > 0.0 else 0.0
 
 
 def _longest(again: NDArray[np.intp]) -> tuple[int, int]:
@@ -149,8 +177,9 @@ def repeated(channels: Mapping[str, _Array]) -> Gate:
     """Trip where whole rows repeat the row before: the sensor was read faster than it measures.
 
     It trips as well where all rows stand twice or three times: a log that was added to itself tells no more than once.
-    A few repetitions are chance. With several channels they are expected in the product of the channels' own shares;
-    with one, in 0.28 steps over the standard deviation of its noise.
+    A few repetitions are chance: more of them than one record in a million holds are not. With several channels they
+    are expected in the product of the channels' own shares; with one, in 0.28 steps over the standard deviation of its
+    noise.
     """
     name = "repeated"
     times = copies(channels.values())
@@ -168,10 +197,19 @@ def repeated(channels: Mapping[str, _Array]) -> Gate:
     else:
         expected = _expected(next(iter(channels.values())))
     counted = f"{share:.1%} of the rows repeat the one before, where chance makes {expected:.1%}"
-    ok = share <= max(_MANY, 3.0 * expected) or int(rows.sum()) < _FEWEST_ROWS
+    count, usual = int(rows.sum()), expected * rows.size
+    ok = share <= max(_MANY, 3.0 * expected) or count < _FEWEST_ROWS or _explained(count, usual)
     return Gate(
         name=name, channel="", ok=ok, reason=counted, samples=() if ok else numbers(np.flatnonzero(rows)[:_NAMED] + 1)
     )
+
+
+def _explained(count: int, usual: float) -> bool:
+    """Tell whether chance makes so many repetitions in more than a millionth of records, where so many are usual.
+
+    H. Chernoff's bound on the tail of a Poisson distribution, P(k) <= exp(k - m - k ln(k / m)) for k above m.
+    """
+    return usual > 0.0 and count * math.log(count / usual) - (count - usual) < -math.log(_SELDOM)
 
 
 def copies(columns: Iterable[_Array]) -> int:
