@@ -213,13 +213,20 @@ def fades_of(rows, starts, skip):
     return {name: fade(numbers, [row[column] for row in rows], unit, skip=skip) for name, column, unit in FADES}
 
 
+def fewer(rows, skip):
+    """Return why so few cycles show no fade."""
+    settling = f" after {skip} of settling" if skip else ""
+    return f"a fade needs {LEAST_CYCLES} whole cycles{settling}, and the test had {len(rows)}"
+
+
 def draw_fades(rows, starts, fades, skip, chart):
     """Draw what every discharge gave over the cycles, with the line of its fade."""
     numbers = aged(rows, starts)
     for name, column, unit in FADES[:2]:
-        line = fades.get(name)
-        ends = numbers[skip], numbers[-1]
-        model = line and (ends, [line.beginning.value + line.slope.value * (end - ends[0]) for end in ends])
+        model = None
+        if line := fades.get(name):
+            ends = numbers[skip], numbers[-1]
+            model = ends, [line.beginning.value + line.slope.value * (end - ends[0]) for end in ends]
         chart(
             f"{column.replace('_', ' ').capitalize()} over cycles",
             Curve(name="discharge", x=numbers, y=[row[column] for row in rows], model=model),
@@ -354,9 +361,11 @@ def test_degradation(cell, assembly, record, iterations, check, chart, step, art
         check("EPS-DEG-006", "charged_energy", total(rows, "charge_energy"), doubts=ended)
         given = total(rows, "discharge_energy")
         check("EPS-DEG-006", "discharged_energy", given, doubts=ended, headline="Energy of all discharges")
-        fades = fades_of(rows, starts, int(parameters.settling))
+        skip = int(parameters.settling)
+        fades = fades_of(rows, starts, skip)
+        unknown = [] if fades else [fewer(rows, skip)]
         artifact("fade.csv", fades_as_csv(fades))
         for name, _, unit in FADES:
             slope = fades[name].slope if name in fades else not_observable(f"{unit}/cycle")
-            check("EPS-DEG-008", name, slope, doubts=charged, headline=HEADLINES[name])
-        draw_fades(rows, starts, fades, int(parameters.settling), chart)
+            check("EPS-DEG-008", name, slope, doubts=[*charged, *unknown], headline=HEADLINES[name])
+        draw_fades(rows, starts, fades, skip, chart)

@@ -112,6 +112,14 @@ def test_two_runs_have_one_content(healthy, tmp_path):
     assert again.package.content_digest == healthy.package.content_digest
 
 
+def test_one_cycle_shows_no_fade(tmp_path):
+    """Its energies are recorded, and the fade is INCONCLUSIVE: nothing ends in ERROR."""
+    ran = run_of(tmp_path, 1)
+    assert ran.code == 1
+    assert found(ran.package) == {**VERDICTS, "EPS-DEG-008": "INCONCLUSIVE"}
+    assert "a fade needs 3 whole cycles after 1 of settling, and the test had 1" in ran.out
+
+
 def test_a_cooler_that_does_nothing_ends_the_test_before_the_next_half_cycle(tmp_path):
     """Without a soak no discharge begins: the case is an ERROR of the bench, and the bench is safe."""
     changes = {'integral_time: "240"}': 'integral_time: "240"}\n      faults: [{kind: stuck, from: 3 h}]'}
