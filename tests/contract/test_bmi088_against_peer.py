@@ -1,17 +1,16 @@
-"""The BMI088: its peer against the data sheet, and what is its driver's alone: two dies, and an overflowing FIFO."""
+"""The BMI088: its peer against the data sheet, and what is its driver's alone: two dies with a name each."""
 
 from __future__ import annotations
 
-import math
 import struct
 
 import pytest
-from sensor_bench import BMI088, BMI088_ACCELEROMETER, Bench
+from sensor_bench import BMI088, Bench
 
 from hil.analysis.noise.rate_noise import RateNoise
 from hil.instruments.driver import Strap
 from hil.model.bench import InstrumentSpec, Wire
-from hil.model.errors import Garbled, NoReply, Refused, WrongIdentity
+from hil.model.errors import Refused, WrongIdentity
 from hil.simulation.peers.bmi088 import MODEL
 from hil.simulation.peers.model import Connections, PeerSetup
 from hil.simulation.truth import Truth, TruthError
@@ -123,49 +122,6 @@ def test_what_was_measured_before_a_setting_has_the_old_one():
     assert struct.unpack("<hhh", get(bench, GYRO, 0x02, 6))[0] == round(100 * 16.384)
     bench.clock.sleep(0.02)
     assert struct.unpack("<hhh", get(bench, GYRO, 0x02, 6))[0] == round(100 * 262.144)
-
-
-def test_a_fifo_that_overflows_ends_the_stream():
-    """How many samples were lost is unknown, so that no row after them has a time."""
-    bench = Bench(BMI088).streaming()
-    bench.rows(2)
-    bench.clock.sleep(1.5)
-    with pytest.raises(Garbled, match="its FIFO has overflowed"):
-        bench.sensor.drain()
-
-
-@pytest.mark.parametrize("chip", [BMI088, BMI088_ACCELEROMETER], ids=lambda chip: chip.role)
-def test_asleep_and_raw_temperatures_are_found(chip):
-    """A sensor that falls asleep stands still; a temperature that cannot be is no number."""
-    raw = Bench(chip, faults=[{"kind": "temperature-raw", "from": "1 s"}])
-    raw.sensor.start()
-    raw.clock.wait_until(1_100_000_000)
-    assert math.isnan(raw.sensor.sample()[3])
-    with pytest.raises(NoReply, match="no valid data"):
-        raw.sensor.start()
-    nap = Bench(chip, faults=[{"kind": "asleep", "from": "1 s"}])
-    nap.sensor.start()
-    nap.clock.wait_until(1_100_000_000)
-    with pytest.raises(NoReply, match="consecutive samples are equal"):
-        for _ in range(20):
-            nap.sensor.sample()
-            nap.clock.sleep(0.01)
-
-
-def test_both_dies_serve_three_roles():
-    """The gyroscope keeps the die of its thermometer awake, and the accelerometer's settings as they are."""
-    bench = Bench(BMI088, truth={"temperature": "40"})
-    gyroscope, driver = bench.sensor, bench.driver
-    accelerometer, thermometer = (driver.role(Wire(role=r, instrument="")) for r in ("accelerometer", "thermometer"))
-    gyroscope.start()
-    assert thermometer.temperature().value == pytest.approx(40.0, abs=0.1)
-    accelerometer.start()
-    gyroscope.start()
-    assert accelerometer.sample()[2] == pytest.approx(9.8, abs=0.2)
-    accelerometer.stop()
-    assert gyroscope.sample()[3] == pytest.approx(40.0, abs=0.1)
-    gyroscope.stop()
-    assert (get(bench, GYRO, 0x11), get(bench, ACC, 0x7C, 2)) == (b"\x80", b"\x03\x00")
 
 
 def test_what_is_at_the_addresses():

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import math
-
-import numpy as np
 import pytest
 from behind_obc import BehindObc
 from sensor_bench import BNO055, BNO055_ACCELEROMETER, BNO055_MAGNETOMETER, Bench
 
 from hil.model.bench import Wire
-from hil.model.errors import DeviceFault, Garbled, NoReply, Refused, Rejected
-from hil.simulation.peers.obc_link.stream import Stream
+from hil.model.errors import Garbled
 
 SECOND = 1_000_000_000
 MAGGYRO, AMG = 0x06, 0x07
@@ -95,18 +91,6 @@ def test_a_clock_that_nobody_waits_for_never_gives_a_wrong_number(chip, kind):
     assert 2 < found < 18
 
 
-@EVERY
-def test_a_sensor_that_fell_asleep_is_in_configmode(chip):
-    """Its data are 0, which is no number; one that stays there does not start."""
-    bench = Bench(chip, faults=[{"kind": "asleep", "from": "2 s"}])
-    bench.sensor.start()
-    bench.clock.wait_until(2 * SECOND)
-    with pytest.raises(NoReply, match="sensor: it is in CONFIGMODE: it has lost its settings"):
-        bench.sensor.sample()
-    with pytest.raises(Rejected, match="OPR_MODE was set to 0x0[67] and reads back 0x00"):
-        bench.sensor.start()
-
-
 def test_units_that_somebody_else_changes_are_found():
     """Degrees Fahrenheit would be half of them in degrees Celsius."""
     bench = Bench(BNO055)
@@ -118,106 +102,15 @@ def test_units_that_somebody_else_changes_are_found():
         bench.sensor.sample()
 
 
-def test_a_temperature_in_counts_is_no_number():
-    """127 is beyond what the chip is made for."""
-    bench = Bench(BNO055, faults=[{"kind": "temperature-raw"}])
-    bench.sensor.start()
-    assert math.isnan(bench.sensor.sample()[3])
-    with pytest.raises(NoReply, match="temperature is marked invalid"):
-        bench.sensor.temperature()
-
-
-def test_three_sensors_of_one_chip_live_side_by_side():
-    """The first that starts sets all that are wired; without the accelerometer the mode is the thesis' maggyro."""
-    bench = Bench(BNO055, truth={"bias_x": ["1.5", "0", "0"], "offset": ["48", "0", "0"]}, settings={"range": "500"})
+def test_its_mode_has_the_sensors_that_are_wired():
+    """Without the accelerometer it is the thesis' maggyro; the first sensor that starts sets all that are wired."""
+    bench = Bench(BNO055, settings={"range": "500"})
+    bench.driver.role(Wire(role="magnetometer", instrument="sensor"))
     bench.sensor.start()
     assert bench.read(0x3D) == bytes([MAGGYRO])
-    bench.sensor.stop()
-    others = [bench.driver.role(Wire(role=role, instrument="sensor")) for role in ("accelerometer", "magnetometer")]
-    roles = (*others, bench.sensor)
-    for role in roles:
-        role.start()
+    bench = Bench(BNO055, settings={"range": "500"})
+    bench.driver.role(Wire(role="accelerometer", instrument="sensor")).start()
+    write(bench, 0x07, 1)
+    assert bench.read(0x0A) == b"\x3a"
+    write(bench, 0x07, 0)
     assert bench.read(0x3D) == bytes([AMG])
-    assert [role.sample()[0] for role in others] == pytest.approx([0, 48], abs=2)
-    assert bench.sensor.sample()[0] == pytest.approx(1.5, abs=0.5)
-    others[0].stop()
-    assert bench.sensor.full_scale().value == 500
-    assert bench.sensor.sample()[0] == pytest.approx(1.5, abs=0.5)
-
-
-def streamed(bench, rate, seconds, pause=0.7):
-    """Return the rows of a stream, and its report."""
-    bench.sensor.begin(rate)
-    blocks, end = [], bench.clock.now() + seconds
-    while bench.clock.now() < end:
-        bench.clock.sleep(min(pause, end - bench.clock.now()))
-        blocks.append(bench.sensor.drain())
-    return np.concatenate(blocks), bench.sensor.end()
-
-
-@EVERY
-def test_the_timer_of_a_board_reads_it(chip, monkeypatch):
-    """Every tick a row, from one period on; turns that are made together are what they are one by one."""
-    found = []
-    for alone in (False, True):
-        if alone:
-            monkeypatch.setattr(Stream, "_unseen_ns", lambda _: None)
-        bench = BehindObc(chip, truth=chip.truth, obc={"clock_drift": "0.0001"})
-        bench.sensor.start()
-        rows, report = streamed(bench, 27.0, 5.0)
-        assert rows[:, 0] == pytest.approx(np.arange(1, len(rows) + 1) / 27, abs=2e-5)
-        assert len(rows) in {134, 135}
-        assert rows[:, 1:] == pytest.approx(np.tile(chip.expected, (len(rows), 1)), abs=chip.close)
-        assert (report.lost, report.drift) == (0, pytest.approx(1e-4, abs=2e-6))
-        found.append((rows, bench.sensor.sample()))
-    assert np.array_equal(found[0][0], found[1][0])
-    assert found[0][1] == found[1][1]
-
-
-def test_only_a_board_lets_it_stream_and_only_one_of_a_board():
-    """On a bus of the host it is asked; a second stream would end the first."""
-    bench = Bench(BNO055)
-    bench.sensor.start()
-    assert not bench.sensor.streams
-    with pytest.raises(Refused, match="has no FIFO, and its bus no timer"):
-        bench.sensor.begin(27.0)
-    bench = BehindObc(BNO055)
-    other = bench.driver.role(Wire(role="magnetometer", instrument="sensor"))
-    for sensor in (bench.sensor, other):
-        sensor.start()
-    bench.sensor.begin(27.0)
-    assert bench.sensor.streams
-    with pytest.raises(Refused, match="already streaming"):
-        bench.sensor.begin(27.0)
-    with pytest.raises(Refused, match="the board runs one stream at a time"):
-        other.begin(6.0)
-    bench.clock.sleep(0.5)
-    assert len(bench.sensor.drain()) == 13
-    bench.sensor.stop()
-    other.begin(6.0)
-
-
-@pytest.mark.parametrize(
-    ("fault", "of_board", "told"),
-    [
-        ({"kind": "asleep"}, False, "sensor: it is in CONFIGMODE"),
-        ({"kind": "clock-stretch"}, False, "waits while the sensor holds the clock"),
-        ({"kind": "stuck"}, False, "sensor: .* consecutive samples are equal"),
-        ({"kind": "nack", "address": "0x28"}, True, "sensor: no acknowledge at address 0x28"),
-        ({"kind": "stall"}, True, "obc: no reading of sensor for .* s, though its link answers"),
-    ],
-    ids=lambda each: each["kind"] if isinstance(each, dict) else None,
-)
-def test_a_fault_in_a_stream_ends_it_after_the_rows_before(fault, of_board, told):
-    """None of its rows is a wrong number."""
-    faults = [fault | {"from": "4 s"}]
-    bench = BehindObc(BNO055, truth=BNO055.truth, **{"obc_faults" if of_board else "faults": faults})
-    bench.sensor.start()
-    bench.sensor.begin(27.0)
-    rows = []
-    with pytest.raises(DeviceFault, match=told):
-        while bench.clock.now() < 12:
-            bench.clock.sleep(0.9)
-            rows.extend(bench.sensor.drain())
-    assert len(rows) > 40
-    assert np.array(rows)[:, 1:] == pytest.approx(np.tile(BNO055.expected, (len(rows), 1)), abs=BNO055.close)

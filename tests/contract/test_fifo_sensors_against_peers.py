@@ -1,10 +1,11 @@
-"""Every sensor with a FIFO against its peer: over the host's own bus, and over a bus that streams."""
+"""Every sensor with a FIFO against its peer: over the host's own bus, a bus that streams, and behind a board."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 import sweeps
+from behind_obc import BehindObc
 from sensor_bench import BOARD_CHIPS, FIFO_CHIPS, ICM20948, Bench
 
 from hil.model.errors import Garbled, NoReply, Refused
@@ -14,6 +15,8 @@ FIFO = pytest.mark.parametrize("chip", FIFO_CHIPS, ids=lambda chip: chip.named)
 BOARD = pytest.mark.parametrize("chip", BOARD_CHIPS, ids=lambda chip: chip.named)
 RATES = [pytest.param(chip, float(name), id=f"{chip.named} {name}") for chip in FIFO_CHIPS for name in chip.rates]
 BOTH = pytest.mark.parametrize("board", [False, True], ids=["own bus", "board"])
+PATHS = pytest.mark.parametrize("kind", [Bench, BehindObc], ids=["own bus", "obc"])
+FLAG_CHIPS = [chip for chip in FIFO_CHIPS if chip.by_host]
 BIASES = {"bias_x": ["1.5", "0", "0"], "bias_y": ["-20", "0", "0"], "bias_z": ["0.25", "0", "0"]}
 
 
@@ -118,6 +121,37 @@ def test_a_fifo_that_overflows_leaves_time_empty_and_is_counted(chip):
     expected = np.arange(1, len(rows) + 1) * 0.01
     expected[before:] += 0.01 * lost
     assert rows[:, 0] == pytest.approx(expected, abs=0.011)
+
+
+def overflowing(kind, chip):
+    """Return a bench whose FIFO has overflowed for two seconds, the rows before, and the pause between reads."""
+    bench = kind(chip).streaming()
+    pause = bench.sensor.longest_pause
+    rows = bench.rows(4 * pause)
+    bench.clock.sleep(2.0)
+    return bench, rows, pause
+
+
+@PATHS
+@pytest.mark.parametrize("chip", [chip for chip in FLAG_CHIPS if chip.counts_losses], ids=lambda chip: chip.named)
+def test_a_loss_that_a_flag_tells_leaves_time_empty_and_is_counted(chip, kind):
+    """How many came beside those that are there follows from time."""
+    bench, before, pause = overflowing(kind, chip)
+    began = bench.clock.now()
+    rows = np.concatenate((before, bench.sensor.drain(), bench.rows(4 * pause)))
+    held = chip.capacity / chip.stream
+    assert bench.sensor.end().lost_samples == pytest.approx(2 * chip.stream - chip.capacity, abs=3)
+    assert np.diff(rows[:, 0]).max() == pytest.approx(2 - held, abs=0.03)
+    assert rows[-1, 0] == pytest.approx(before[-1, 0] + 2 + bench.clock.now() - began, abs=0.03)
+
+
+@PATHS
+@pytest.mark.parametrize("chip", [chip for chip in FLAG_CHIPS if not chip.counts_losses], ids=lambda chip: chip.named)
+def test_a_loss_that_a_flag_tells_for_ever_ends_the_stream(chip, kind):
+    """How many samples were lost is unknown, so that no row after them has a time."""
+    bench, *_ = overflowing(kind, chip)
+    with pytest.raises(Garbled, match="its FIFO has overflowed"):
+        bench.sensor.drain()
 
 
 @BOARD
@@ -291,8 +325,9 @@ def test_a_garbled_bus_is_found_out(chip, board):
         bench.rows(20)
 
 
-def test_a_host_reads_a_fifo_before_it_is_full():
+@PATHS
+def test_a_host_reads_a_fifo_before_it_is_full(kind):
     """At seven tenths, as long as a tenth of a second is left; at half where an older record answers."""
     for rate, sparing, part in ((112.5, True, 0.7), (112.5, False, 0.5), (225.0, True, 1 - 0.1 * 225 / 64)):
-        bench = Bench(ICM20948, settings={"rate": f"{rate} Hz"}, sparing=sparing).streaming(rate)
+        bench = kind(ICM20948, settings={"rate": f"{rate} Hz"}, sparing=sparing).streaming(rate)
         assert bench.sensor.longest_pause == pytest.approx(part * 64 / rate)

@@ -1,18 +1,13 @@
-"""What is peculiar to the ICM-20948: banks, sleep, the way to its magnetometer, and a FIFO that does not count."""
+"""What is peculiar to the ICM-20948: banks, sleep, and the way to its magnetometer."""
 
 from __future__ import annotations
 
-import math
-
-import numpy as np
 import pytest
 from behind_obc import BehindObc
 from sensor_bench import ICM20948, ICM20948_MAGNETOMETER, Bench
 
-from hil.model.bench import Wire
-from hil.model.errors import NoReply, Rejected, WrongIdentity
+from hil.model.errors import NoReply, WrongIdentity
 
-SECOND = 1_000_000_000
 MAGNETOMETER = 0x0C
 BOTH = pytest.mark.parametrize("kind", [Bench, BehindObc], ids=["own bus", "obc"])
 
@@ -102,67 +97,6 @@ def test_a_magnetometer_of_another_type():
     bench.driver._dies[True].read = lambda _: 0x05
     with pytest.raises(WrongIdentity, match="WIA2 is 0x05, the AK09916 has 0x09"):
         bench.sensor.start()
-
-
-def test_three_sensors_of_one_chip_live_side_by_side():
-    """Each starts without a reset of the others, and none takes the others to sleep with it."""
-    bench = Bench(ICM20948, truth={"bias_x": ["1.5", "0", "0"], "offset": ["48", "0", "0"]})
-    accelerometer, magnetometer = (
-        bench.driver.role(Wire(role=role, instrument="sensor")) for role in ("accelerometer", "magnetometer")
-    )
-    roles = (magnetometer, bench.sensor, accelerometer)
-    for role in roles:
-        role.start()
-    assert [role.sample()[0] for role in roles] == pytest.approx([48, 1.5, 0], abs=0.7)
-    bench.sensor.stop()
-    assert accelerometer.sample()[2] == pytest.approx(9.8, abs=0.1)
-    accelerometer.stop()
-    assert magnetometer.sample()[0] == pytest.approx(48, abs=2)
-    magnetometer.stop()
-    assert bench.read(0x06) == b"\x41"
-
-
-def test_a_sensor_that_falls_asleep_gives_no_new_sample():
-    """Its registers stay readable; there is no number that could pass. One that cannot be woken does not start."""
-    bench = Bench(ICM20948, faults=[{"kind": "asleep", "from": "1 s"}])
-    bench.sensor.start()
-    bench.clock.wait_until(SECOND)
-    with pytest.raises(NoReply, match="no new sample within .* at 112.5 Hz"):
-        bench.sensor.sample()
-    with pytest.raises(Rejected, match="PWR_MGMT_1 was set to 0x01 and reads back 0x41"):
-        bench.sensor.start()
-
-
-def test_a_temperature_in_counts_is_no_number():
-    """24000 counts would be 93 degC, beyond what the chip is made for."""
-    bench = Bench(ICM20948, faults=[{"kind": "temperature-raw"}])
-    bench.sensor.start()
-    assert math.isnan(bench.sensor.sample()[3])
-    with pytest.raises(NoReply, match="temperature is marked invalid"):
-        bench.sensor.temperature()
-
-
-def streamed(kind, pauses, **given):
-    """Return the rows of a stream drained after these pauses, its report, and how long it went."""
-    bench = kind(chip=ICM20948, **given)
-    bench.sensor.start()
-    bench.sensor.begin(112.5)
-    began = bench.clock.now()
-    assert bench.sensor.longest_pause == pytest.approx(0.7 * 64 / 112.5)
-    blocks = []
-    for pause in pauses:
-        bench.clock.sleep(pause)
-        blocks.append(bench.sensor.drain())
-    return np.concatenate(blocks), bench.sensor.end(), bench.clock.now() - began
-
-
-@BOTH
-def test_a_fifo_that_overflows_leaves_time_empty_and_is_counted(kind):
-    """64 packets fit; how many came beside them follows from time."""
-    rows, report, seconds = streamed(kind, [0.25, 2.0, 0.25, 0.25])
-    assert report.lost_samples == pytest.approx(2 * 112.5 - 64, abs=3)
-    assert np.diff(rows[:, 0]).max() == pytest.approx(2 - 64 / 112.5, abs=0.03)
-    assert rows[-1, 0] == pytest.approx(seconds, abs=0.03)
 
 
 def test_a_measurement_at_once_is_what_its_registers_are():

@@ -7,9 +7,8 @@ import math
 import pytest
 from sensor_bench import IIM42652, Bench
 
-from hil.model.errors import NoReply, Rejected
+from hil.model.errors import NoReply
 
-SECOND = 1_000_000_000
 BOTH = pytest.mark.parametrize("board", [False, True], ids=["own bus", "board"])
 
 
@@ -20,23 +19,6 @@ def test_a_sensor_that_falls_asleep_stops_a_stream(board):
     with pytest.raises(NoReply, match=r"sensor: no samples for .* it has lost its settings"):
         bench.rows(10)
     assert bench.clock.now() < 7.5
-
-
-def test_a_sensor_asleep_gives_nan():
-    """Its data are marked invalid, and that is no number."""
-    bench = Bench(IIM42652, faults=[{"kind": "asleep", "from": "1 s"}])
-    bench.sensor.start()
-    bench.clock.wait_until(2 * SECOND)
-    for _ in range(30):
-        assert all(math.isnan(axis) for axis in bench.sensor.sample()[:3])
-        bench.clock.sleep(0.01)
-
-
-def test_a_sensor_that_cannot_be_woken_does_not_start():
-    """Its settings do not stay."""
-    bench = Bench(IIM42652, faults=[{"kind": "asleep"}])
-    with pytest.raises(Rejected, match="reads back"):
-        bench.sensor.start()
 
 
 def test_a_sensor_that_was_left_in_another_bank():

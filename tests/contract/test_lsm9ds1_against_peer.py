@@ -1,21 +1,19 @@
-"""The LSM9DS1: its peer against the data sheet, and what is its driver's alone: four roles on two dies."""
+"""The LSM9DS1: its peer against the data sheet, and what is its driver's alone: one rate, and a thermometer."""
 
 from __future__ import annotations
 
-import math
 import struct
 
 import pytest
-from sensor_bench import LSM9DS1, LSM9DS1_ACCELEROMETER, LSM9DS1_MAGNETOMETER, Bench
+from sensor_bench import LSM9DS1, LSM9DS1_MAGNETOMETER, Bench
 
 from hil.instruments.driver import Strap
 from hil.model.bench import Wire
-from hil.model.errors import NoReply, Refused, WrongIdentity
+from hil.model.errors import Refused
 
 AG, M = 0x6A, 0x1C
 QUIET = {kind: ["0", "0", "0"] for kind in ("white", "flicker", "random_walk")}
 STILL = QUIET | {"accelerometer": {"white": ["0", "0", "0"]}, "noise": ["0", "0", "0"]}
-ROLES = [LSM9DS1, LSM9DS1_ACCELEROMETER, LSM9DS1_MAGNETOMETER]
 
 
 def made(**truth):
@@ -99,65 +97,22 @@ def test_an_address_that_does_not_go_on():
     assert get(bench, AG, 0x22, 2) == bytes(2)
 
 
-def wired(bench, **settings):
-    """Return the four roles of a chip."""
-    roles = ("gyroscope", "accelerometer", "magnetometer", "thermometer")
-    return [bench.driver.role(Wire(role=role, instrument="", settings=settings.get(role, {}))) for role in roles]
-
-
-def test_four_roles_from_one_chip():
-    """Each starts and stops by itself; the thermometer is awake as long as anything needs it, and no longer."""
-    bench = Bench(LSM9DS1, truth={"temperature": "40", "offset": ["48", "0", "0"]})
-    gyroscope, accelerometer, magnetometer, thermometer = wired(bench)
-    magnetometer.start()
-    assert get(bench, AG, 0x20) == b"\x20"
-    gyroscope.start()
-    accelerometer.start()
-    assert thermometer.temperature().value == pytest.approx(40.0, abs=0.1)
-    accelerometer.stop()
-    gyroscope.stop()
-    assert get(bench, AG, 0x10) == b"\x00"
-    bench.clock.sleep(1.0)
-    assert magnetometer.sample() == pytest.approx((48.0, 0.0, 0.0, 40.0), abs=2.0)
-    gyroscope.start()
-    magnetometer.stop()
-    assert gyroscope.sample()[3] == pytest.approx(40.0, abs=0.1)
-    gyroscope.stop()
-    assert get(bench, AG, 0x10) == get(bench, AG, 0x20) == b"\x00"
-
-
-def test_the_thermometer_alone():
-    """It takes the gyroscope's settings, for there is no wire that has them."""
-    thermometer = Bench(LSM9DS1, truth={"temperature": "-20"}).driver.role(Wire(role="thermometer", instrument=""))
-    thermometer.start()
-    assert thermometer.temperature().value == pytest.approx(-20.0, abs=0.1)
-    assert LSM9DS1.driver.straps() == (Strap("SDO_A/G", (0x6A, 0x6B)), Strap("SDO_M", (0x1C, 0x1E)))
-
-
 def test_two_rates_on_one_die_are_refused():
     """The accelerometer would sample at the gyroscope's."""
-    gyroscope, *_ = wired(Bench(LSM9DS1), accelerometer={"rate": "238 Hz"})
+    bench = Bench(LSM9DS1)
+    bench.driver.role(Wire(role="accelerometer", instrument="", settings={"rate": "238 Hz"}))
     with pytest.raises(Refused, match="have one rate, and are wired for 119 and 238 Hz; give both wires the same"):
-        gyroscope.start()
+        bench.sensor.start()
 
 
-@pytest.mark.parametrize("chip", ROLES, ids=lambda chip: chip.role)
-def test_asleep_and_raw_temperatures_are_found(chip):
-    """A sensor that falls asleep gives nothing new; a temperature that cannot be is no number."""
-    raw = Bench(chip, faults=[{"kind": "temperature-raw", "from": "1 s"}])
-    raw.sensor.start()
-    raw.clock.wait_until(1_200_000_000)
-    assert math.isnan(raw.sensor.sample()[3])
-    nap = Bench(chip, faults=[{"kind": "asleep", "from": "1 s"}, {"kind": "identity", "value": "0x3C", "from": "2 s"}])
-    nap.sensor.start()
-    nap.clock.wait_until(1_200_000_000)
-    with pytest.raises(NoReply, match="consecutive samples are equal|no new sample"):
-        for _ in range(20):
-            nap.sensor.sample()
-            nap.clock.sleep(0.01)
-    nap.clock.wait_until(2_000_000_000)
-    with pytest.raises(WrongIdentity, match="is 0x3c, the LSM9DS1 has"):
-        nap.sensor.start()
+def test_the_magnetometer_alone_wakes_the_thermometer():
+    """The other die samples as slowly as it can, and rests once nothing needs its thermometer."""
+    bench = Bench(LSM9DS1_MAGNETOMETER)
+    bench.sensor.start()
+    assert get(bench, AG, 0x10) + get(bench, AG, 0x20) == b"\x00\x20"
+    bench.sensor.stop()
+    assert get(bench, AG, 0x20) == b"\x00"
+    assert LSM9DS1.driver.straps() == (Strap("SDO_A/G", (0x6A, 0x6B)), Strap("SDO_M", (0x1C, 0x1E)))
 
 
 def test_the_fifo_holds_32_levels_of_both_sensors():

@@ -12,6 +12,7 @@ from sensor_bench import CHIPS, Bench
 from hil.clock.virtual import VirtualClock
 from hil.instruments.driver import Clamps, Connection
 from hil.instruments.sampled import Channel
+from hil.instruments.sensors.axes import Axes
 from hil.model.bench import Wire
 from hil.model.errors import DeviceFault, Garbled, NoReply, Refused, Rejected, WrongIdentity
 from hil.model.identity import Identity
@@ -101,6 +102,44 @@ def test_a_stuck_sensor_is_no_reply(chip):
         for _ in range(100):
             bench.sensor.sample()
             bench.clock.sleep(0.0125)
+
+
+@EVERY
+def test_a_sensor_that_fell_asleep_gives_no_number(chip):
+    """Its registers stay readable; there is no sample that could pass. One that cannot be woken does not start."""
+    bench = Bench(chip, faults=[{"kind": "asleep", "from": "2 s"}])
+    bench.sensor.start()
+    bench.clock.wait_until(2 * SECOND)
+    of_sample, of_start = chip.nap
+    if of_sample:
+        with pytest.raises(NoReply, match=f"sensor: .*{of_sample}"):
+            for _ in range(20):
+                bench.sensor.sample()
+                bench.clock.sleep(0.01)
+    else:
+        for _ in range(30):
+            bench.clock.sleep(0.01)
+            assert all(math.isnan(axis) for axis in bench.sensor.sample()[:3])
+    with pytest.raises((NoReply, Rejected), match=f"sensor: .*{of_start}"):
+        bench.sensor.start()
+
+
+@EVERY
+def test_a_temperature_in_counts_is_no_number(chip):
+    """It is beyond what the chip is made for; the axes go on. A start does not wait for it for ever."""
+    bench = Bench(chip, truth=chip.truth, faults=[{"kind": "temperature-raw", "from": "1 s"}])
+    bench.sensor.start()
+    assert bench.sensor.temperature().value == pytest.approx(chip.expected[3], abs=0.01)
+    bench.clock.wait_until(2 * SECOND)
+    sample = bench.sensor.sample()
+    assert sample[:3] == pytest.approx(chip.expected[:3], abs=chip.close)
+    assert math.isnan(sample[3])
+    if isinstance(bench.sensor, Axes):
+        with pytest.raises(NoReply, match="temperature is marked invalid"):
+            bench.sensor.temperature()
+    if chip.warm_first:
+        with pytest.raises(NoReply, match="no valid data .*switched on|no valid data .*was set"):
+            bench.sensor.start()
 
 
 @EVERY

@@ -17,6 +17,7 @@ from hil.instruments.iim42652 import Iim42652
 from hil.instruments.lis3mdl import Lis3mdl
 from hil.instruments.lsm9ds1 import Lsm9ds1
 from hil.instruments.sensors.sensor import SensorDriver
+from hil.instruments.sensors.timed import TimedSensor
 from hil.model.bench import InstrumentSpec, Wire
 from hil.simulation.faults import read_faults
 from hil.simulation.peers import bme680, bmi088, bno055, icm20948, iim42652, lis3mdl, lsm9ds1
@@ -28,9 +29,10 @@ from hil.simulation.seeds import Seeds
 from hil.simulation.truth import Truth
 from hil.wire.simulated_bus import SimulatedBus
 
-__all__ = ["BME680", "BOARD_CHIPS", "CHIPS", "FIFO_CHIPS", "IIM42652", "LIS3MDL", "Bench", "SensorChip"]
+__all__ = ["BME680", "BOARD_CHIPS", "CHIPS", "FIFO_CHIPS", "IIM42652", "LIS3MDL", "TIMED_CHIPS", "Bench", "SensorChip"]
 
 _SECOND = 1_000_000_000
+_NOTHING_NEW, _STANDS_STILL = "no new sample within", "consecutive samples are equal"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,8 +51,12 @@ class SensorChip:
         noisy: a truth section with noise that no two samples share.
         sleep: a register, as it is sent, and what is read there of a sensor that was stopped.
         boot: seconds from power-on until it certainly answers.
+        nap: what a sample says of one that fell asleep, empty where its axes are marked invalid; and what a start says
+            while it cannot be woken.
+        warm_first: whether a start waits for a temperature that can be.
         capacity: packets that its FIFO holds, 0 for a chip without one; `fifo_off` is as `sleep`.
         by_host: whether the host reads its FIFO itself, also over an OBC.
+        counts_losses: whether a stream goes on after its FIFO has overflowed.
         stream: the rate at which it streams unless its wire says otherwise [Hz].
     """
 
@@ -72,9 +78,12 @@ class SensorChip:
     noisy: dict[str, object] = field(default_factory=dict)
     sleep: tuple[int, int]
     boot: float = 0.01
+    nap: tuple[str, str] = ("", "reads back")
+    warm_first: bool = False
     capacity: int = 0
     fifo_off: tuple[int, int] = (0, 0)
     by_host: bool = False
+    counts_losses: bool = True
     stream: float = 100.0
 
 
@@ -95,7 +104,7 @@ def _accelerometer(chip, **its):
 
 def _magnetometer(chip, **its):
     """Return the magnetometer of a chip, in the field of the LIS3MDL."""
-    shared = {"truth": LIS3MDL.truth, "expected": LIS3MDL.expected, "noisy": {}, "capacity": 0}
+    shared = {"truth": LIS3MDL.truth, "expected": LIS3MDL.expected, "noisy": {}, "capacity": 0, "warm_first": False}
     return replace(chip, role="magnetometer", unit="uT", **shared | its)
 
 
@@ -115,6 +124,7 @@ LIS3MDL = SensorChip(
     expected=(48.0, -22.5, 150.0, 40.0),
     close=0.2,
     sleep=(0x22, 0x03),
+    nap=(_NOTHING_NEW, "were set to fc 00 00 0c 40 and read back fc 00 03 0c 40"),
 )
 
 IIM42652 = SensorChip(
@@ -140,6 +150,8 @@ IIM42652 = SensorChip(
     close=0.3,
     noisy={"white": ["1", "1", "1"]},
     sleep=(0x4E, 0x00),
+    nap=("", "PWR_MGMT0 was set to 0x0c and reads back 0x00"),
+    warm_first=True,
     capacity=256,
     fifo_off=(0x16, 0x00),
 )
@@ -162,9 +174,12 @@ BMI088 = SensorChip(
     close=1.7,
     noisy={"white": ["1", "1", "1"]},
     sleep=(0x11, 0x80),
+    nap=(_STANDS_STILL, "register 0x11 was set to 0x00 and reads back 0x80"),
+    warm_first=True,
     capacity=100,
     fifo_off=(0x3E, 0x00),
     by_host=True,
+    counts_losses=False,
 )
 
 BMI088_ACCELEROMETER = _accelerometer(
@@ -175,6 +190,7 @@ BMI088_ACCELEROMETER = _accelerometer(
     rates=("12.5", "25", "50", "100", "200", "400"),
     narrow=3 * 9.80665,
     sleep=(0x7C, 0x03),
+    nap=(_STANDS_STILL, "register 0x7d was set to 0x04 and reads back 0x00"),
 )
 
 ICM20948 = SensorChip(
@@ -194,6 +210,7 @@ ICM20948 = SensorChip(
     close=0.3,
     noisy={"white": ["1", "1", "1"]},
     sleep=(0x06, 0x41),
+    nap=(_NOTHING_NEW, "PWR_MGMT_1 was set to 0x01 and reads back 0x41"),
     boot=0.012,
     capacity=64,
     fifo_off=(0x67, 0x00),
@@ -203,7 +220,14 @@ ICM20948 = SensorChip(
 
 ICM20948_ACCELEROMETER = _accelerometer(ICM20948, ranges=("2", "4", "8", "16"), narrow=2 * 9.80665)
 
-ICM20948_MAGNETOMETER = _magnetometer(ICM20948, ranges=(), rates=("10", "20", "50", "100"), narrow=4912.0, close=0.3)
+ICM20948_MAGNETOMETER = _magnetometer(
+    ICM20948,
+    ranges=(),
+    rates=("10", "20", "50", "100"),
+    narrow=4912.0,
+    close=0.3,
+    nap=("cannot be reached: PWR_MGMT_1 is 0x41", "cannot be reached: PWR_MGMT_1 is 0x41"),
+)
 
 BNO055 = SensorChip(
     driver=Bno055,
@@ -222,6 +246,7 @@ BNO055 = SensorChip(
     close=0.4,
     noisy={"white": ["1", "1", "1"]},
     sleep=(0x3E, 0x02),
+    nap=("it is in CONFIGMODE: it has lost its settings", "OPR_MODE was set to 0x0[67] and reads back 0x00"),
     boot=0.66,
 )
 
@@ -253,6 +278,8 @@ LSM9DS1 = SensorChip(
     close=0.3,
     noisy={"white": ["1", "1", "1"]},
     sleep=(0x10, 0x00),
+    nap=(_NOTHING_NEW, "register 0x10 was set to 0x60 and reads back 0x00"),
+    warm_first=True,
     capacity=32,
     fifo_off=(0x23, 0x00),
     by_host=True,
@@ -260,7 +287,12 @@ LSM9DS1 = SensorChip(
 )
 
 LSM9DS1_ACCELEROMETER = _accelerometer(
-    LSM9DS1, ranges=("2", "4", "8", "16"), narrow=2 * 9.80665, close=0.2, sleep=(0x20, 0x00)
+    LSM9DS1,
+    ranges=("2", "4", "8", "16"),
+    narrow=2 * 9.80665,
+    close=0.2,
+    sleep=(0x20, 0x00),
+    nap=(_NOTHING_NEW, "register 0x20 was set to 0x60 and reads back 0x00"),
 )
 
 LSM9DS1_MAGNETOMETER = _magnetometer(
@@ -272,6 +304,7 @@ LSM9DS1_MAGNETOMETER = _magnetometer(
     narrow=LIS3MDL.narrow,
     close=LIS3MDL.close,
     sleep=LIS3MDL.sleep,
+    nap=(_NOTHING_NEW, "register 0x20 was set to 0x20 and reads back 0x00"),
 )
 
 BME680 = SensorChip(
@@ -290,6 +323,7 @@ BME680 = SensorChip(
     expected=(-12.5,),
     close=0.05,
     sleep=(0x74, 0x00),
+    nap=(_NOTHING_NEW, _NOTHING_NEW),
 )
 """The only one that has no axes."""
 
@@ -315,6 +349,9 @@ FIFO_CHIPS = tuple(chip for chip in CHIPS if chip.capacity)
 
 BOARD_CHIPS = tuple(chip for chip in FIFO_CHIPS if not chip.by_host)
 """Those whose FIFO an OBC can read at their interrupts."""
+
+TIMED_CHIPS = tuple(chip for chip in CHIPS if issubclass(chip.driver.sensor, TimedSensor))
+"""Those that have no FIFO, and that the timer of an OBC can read."""
 
 
 class Table(Plant):
