@@ -1058,6 +1058,24 @@ def flight_hung():
     return flight(columns)
 
 
+def slower(fill):
+    """Return a flight whose magnetometer has every fifth of its readings; `fill` says what stands in the other rows."""
+    columns = flown()
+    for each in columns[4:]:
+        each[:] = fill(each, np.arange(each.size) // 5 * 5)
+    return flight(columns)
+
+
+@kind("a flight whose magnetometer is slower, its readings held", BOTH, TURNING, turning)
+def flight_held():
+    return slower(lambda values, row: values[row])
+
+
+@kind("a flight whose magnetometer is slower, empty cells between its readings", BOTH, TURNING, turning)
+def flight_sparse():
+    return slower(lambda values, row: np.where(row == np.arange(row.size), values, np.nan)).replace("nan", "")
+
+
 # Gyroscope over temperature
 
 GYROSCOPE = ("gyroscope-temperature", "FILE", "--temperature", "T", "--means", "x", "--axes", "x", "--unit", "deg/s")

@@ -125,7 +125,7 @@ def interleaved(channel: str, values: _Array) -> Gate:
     for turns, which in _TURNS.items():
         looked = values[: min(_ENOUGH, values.size) // turns * turns].reshape(-1, turns)
         rows = looked[np.isfinite(looked).all(axis=1)]
-        if len(rows) < _LEAST:
+        if len(rows) < _LEAST or not np.ptp(rows) > 0.0:
             break
         middles = rows.mean(axis=1)
         drift = (middles[-1] - middles[0]) / (len(looked) - 1) / turns

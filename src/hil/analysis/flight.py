@@ -13,7 +13,7 @@ from hil.analysis import quality
 from hil.analysis.allan.noise import characterise
 from hil.analysis.extremes import saturated
 from hil.analysis.gates import Facts, Gate, factor_of, finite, present, repeated, stuck
-from hil.analysis.motion import AXES, FEWEST, SURE, Kind, Run, motions
+from hil.analysis.motion import AXES, FEWEST, SURE, Kind, Motions, Run, motions
 from hil.analysis.statistics import mean, not_observable
 from hil.model.errors import Refused
 from hil.model.figure import Figure
@@ -24,6 +24,8 @@ _NOISE = 500  # samples at rest from which white noise is told
 _MOST = 20  # rests whose white noise is told: a fit takes its time
 _TURNS = 3.0  # turns from which the field tells a rate
 _FLAT = 0.1  # of its radius, off the plane: a field that leaves it more does not turn about one axis
+_WHOLE = 0.99  # of the rates of a turn: of fewer there is no sum
+_FAST = math.pi / 2.0  # from reading to reading: a field that turns faster may as well turn the other way
 _RIPPLE = 0.03  # of the field, rms: a calibrated magnetometer in a field that stays shows less
 _LARGEST = 10.0  # deg/s: small gyroscopes have a smaller bias
 _WANDER = 0.01  # of the field: it stands still while it differs by less between the thirds of a rest
@@ -102,6 +104,7 @@ def flight_phases(  # noqa: PLR0913 - two sensors, each with what is known of it
     radians: float,
     field: ArrayLike | None = None,
     field_unit: str = "uT",
+    field_rate: float | None = None,
     microtesla: float = math.nan,
     window: float = 2.0,
     shortest: float = 10.0,
@@ -116,28 +119,27 @@ def flight_phases(  # noqa: PLR0913 - two sensors, each with what is known of it
         unit: of the rates.
         still: what a bias may change by within the log, in `unit`: slower turns are told by the field alone.
         radians: how many rad/s one `unit` is, NaN if that is not known.
-        field: of the magnetometer, shape (n, 3), at the same times.
+        field: of the magnetometer, shape (n, 3), at the same times; NaN where it has no reading.
         field_unit: of the field.
+        field_rate: readings of the magnetometer per second, where they are fewer than those of the gyroscope.
         microtesla: how many uT one `field_unit` is, NaN if that is not known.
         window: in s.
         shortest: phase that is told, in s.
         facts, field_facts: what is known of the sensors, for the gates.
 
     Raises:
-        Refused: no log that can be cut into ten windows.
+        Refused: no log that can be cut into ten windows, or none of them with readings of both.
     """
     table = np.asarray(rates, dtype=np.float64)
     vectors = None if field is None else np.asarray(field, dtype=np.float64)
-    width = max(FEWEST, round(window * rate))
-    if table.shape[0] < FEWEST * width:
-        raise Refused(
-            f"{table.shape[0] / rate:.4g} s are less than {FEWEST} windows of {width / rate:.3g} s",
-            "take a longer log, or a shorter window",
-        )
-    seen = motions(table, vectors, width, still=still, shortest=max(1, round(shortest * rate / width)))
+    every = max(round(rate / (field_rate or rate), 2), 1.0)  # two estimates of one rate differ by less
+    width = max(math.ceil(FEWEST * every), round(window * rate))
+    # Of windows that are longer than they were meant to be, one in which a motion begins is no phase.
+    least = max(2 if every > 1.0 and width > round(window * rate) else 1, round(shortest * rate / width))
+    seen = _seen(table, vectors, width, least, still=still, every=every, lasts=width / rate)
     logged = _Logged(
         rates=table, field=vectors, rate=rate, unit=unit, field_unit=field_unit, radians=radians, bias=seen.bias,
-        noise=seen.noise, width=width,
+        noise=seen.noise, width=width, every=every,
         facts=facts or Facts(), field_facts=field_facts or Facts(),
     )  # fmt: skip
     lasting = sorted((each for each in seen.runs if each.kind is Kind.REST), key=lambda each: each.first - each.after)
@@ -154,6 +156,24 @@ def flight_phases(  # noqa: PLR0913 - two sensors, each with what is known of it
             *([f"white noise is told of the {_MOST} longest of {len(lasting)} rests"] if len(lasting) > _MOST else []),
         ),
     )
+
+
+def _seen(
+    table: _Array, vectors: _Array | None, width: int, least: int, *, still: float, every: float, lasts: float
+) -> Motions:
+    """Tell rest from motion; refuse a log of too few windows of so many seconds, or of none that is whole."""
+    if len(table) < FEWEST * width:
+        raise Refused(
+            f"{len(table) * lasts / width:.4g} s are less than {FEWEST} windows of {lasts:.3g} s",
+            "take a longer log, or a shorter window",
+        )
+    seen = motions(table, vectors, width, still=still, shortest=least, every=every)
+    if all(each.kind is Kind.MISSING for each in seen.runs):
+        raise Refused(
+            f"no window of {lasts:.3g} s has half of the samples of every column",
+            "choose another part of the log, or look at the columns one by one",
+        )
+    return seen
 
 
 def _remarks(*, calm: bool, alone: bool, still: str) -> Iterator[str]:
@@ -184,6 +204,7 @@ class _Logged:
     bias: _Array
     noise: _Array
     width: int
+    every: float
     facts: Facts
     field_facts: Facts
 
@@ -237,7 +258,7 @@ class _Logged:
             agreement=agreement,
             gates=(
                 *found.gates,
-                *_gates("field", vectors, self.field_facts, self.rate, at_rest=found.kind is Kind.REST),
+                *_gates("field", vectors, self.field_facts, self.rate / self.every, at_rest=found.kind is Kind.REST),
                 _stands(vectors, middle) if found.kind is Kind.REST else _agrees(agreement),
             ),
             remark=_odd(found.kind, still_field=still, turned=turns.value, ripple=ripple),
@@ -250,19 +271,22 @@ class _Logged:
         """
         nothing = not_observable("1"), not_observable("1")
         rates = self.rates[found.first : found.last + 1] - self.bias
-        whole = np.isfinite(vectors).all(axis=1) & np.isfinite(rates).all(axis=1)
-        if found.kind is Kind.REST or whole.sum() < FEWEST or not whole.mean() > 0.99:
+        whole, here = np.isfinite(vectors).all(axis=1), np.isfinite(rates).all(axis=1)
+        if found.kind is Kind.REST or whole.sum() < FEWEST or here.mean() < _WHOLE:
             return nothing
         arm = vectors[whole] - vectors[whole].mean(axis=0)
         _, sizes, axes = np.linalg.svd(arm, full_matrices=False)
         if not sizes[1] > 0.5 * sizes[0] or sizes[2] > _FLAT * sizes[0]:
             return nothing
         angle = np.unwrap(np.arctan2(arm @ axes[1], arm @ axes[0]))
-        seconds = np.flatnonzero(whole) / self.rate
+        steps = np.diff(np.flatnonzero(whole))
+        if np.median(np.abs(np.diff(angle)) / steps) * steps.max() > _FAST:
+            return nothing
         # The field turns against the sensor; a right-handed normal makes both signs one.
         normal = np.cross(axes[0], axes[1])
-        about = -(rates[whole] @ normal) * self.radians
-        turned = np.concatenate(([0.0], np.cumsum((about[1:] + about[:-1]) / 2.0 * np.diff(seconds))))
+        about, seconds = -(rates[here] @ normal) * self.radians, np.flatnonzero(here) / self.rate
+        summed = np.concatenate(([0.0], np.cumsum((about[1:] + about[:-1]) / 2.0 * np.diff(seconds))))
+        turned = np.interp(np.flatnonzero(whole) / self.rate, seconds, summed)
         total = float(angle[-1] - angle[0])
         if abs(total) < _TURNS * 2.0 * math.pi:
             return nothing

@@ -70,17 +70,23 @@ class Motions:
     runs: tuple[Run, ...]
 
 
-def motions(rates: _Array, field: _Array | None, width: int, *, still: float, shortest: int) -> Motions:
+def motions(
+    rates: _Array, field: _Array | None, width: int, *, still: float, shortest: int, every: float = 1.0
+) -> Motions:
     """Tell rest from motion.
 
     Args:
         rates: of the gyroscope, shape (n, 3), evenly spaced; NaN where a sample is missing.
-        field: of the magnetometer, shape (n, 3), at the same times.
+        field: of the magnetometer, shape (n, 3), at the same times; NaN where it has no reading.
         width: samples of a window; n is ten times that at least.
         still: what a bias may change by, in the unit of the rates.
         shortest: windows of a run that is told.
+        every: rows to a reading of the magnetometer, 1 if it is as fast as the gyroscope.
     """
-    seen = _Windows.cut(rates, field, width)
+    seen = _Windows.cut(rates, width, field=None if field is None else _Windows.cut(field, width, every=every))
+    if seen.missing.all():
+        every_row = Run(kind=Kind.MISSING, first=0, after=len(rates), still_field=False)
+        return Motions(bias=np.zeros(len(AXES)), noise=seen.noise, calm=False, runs=(every_row,))
     quiet, moves = seen.quiet(), seen.moves()
     calm = quiet & ~moves & (np.abs(seen.means).max(axis=1) <= still if field is None else True)
     bias = np.median(seen.means[calm], axis=0) if calm.any() else np.zeros(len(AXES))
@@ -106,7 +112,8 @@ def motions(rates: _Array, field: _Array | None, width: int, *, still: float, sh
 class _Windows:
     """Means (w, 3), scatters (w, 3) and noise (3,) of the rates, and the same of the field; which windows lack half.
 
-    `trimmed` is the scatter without the sample that is farthest away: a spike is no motion.
+    `trimmed` is the scatter without the sample that is farthest away: a spike is no motion. `width` is how many samples
+    a window has where none is missing.
     """
 
     means: _Array
@@ -118,10 +125,10 @@ class _Windows:
     field: _Windows | None = None
 
     @classmethod
-    def cut(cls, table: _Array, field: _Array | None, width: int) -> _Windows:
+    def cut(cls, table: _Array, rows: int, *, every: float = 1.0, field: _Windows | None = None) -> _Windows:
         """Cut a table into windows; the rows after the last whole one belong to it, and play no part here."""
-        count = len(table) // width
-        parts = table[: count * width].reshape(count, width, len(AXES))
+        count, width = len(table) // rows, round(rows / every)
+        parts = table[: count * rows].reshape(count, rows, len(AXES))
         here = np.isfinite(parts)
         missing = (here.sum(axis=1) < width / 2).any(axis=1)
         parts, here = np.where(missing[:, None, None], 0.0, parts), here | missing[:, None, None]
@@ -133,11 +140,10 @@ class _Windows:
         means[missing] = np.nan
         told = spreads[~missing] if (~missing).any() else spreads
         noise = np.quantile(told, _QUIETEST, axis=0) / _quantile(width - 1, _QUIETEST)
-        other = None if field is None else cls.cut(field, None, width)
-        if other is not None:
-            missing = missing | other.missing
+        if field is not None:
+            missing = missing | field.missing
         return cls(
-            means=means, spreads=spreads, trimmed=trimmed, noise=noise, missing=missing, width=width, field=other
+            means=means, spreads=spreads, trimmed=trimmed, noise=noise, missing=missing, width=width, field=field
         )
 
     def quiet(self) -> NDArray[np.bool_]:
@@ -153,7 +159,7 @@ class _Windows:
         around = np.pad(its.means, ((1, 1), (0, 0)), mode="edge")
         away = np.abs(around[2:] - around[:-2]).max(axis=1)
         size = float(np.median(np.sqrt(np.square(its.means[~its.missing]).sum(axis=1)), axis=0))
-        limit = max(_MOVED * size, SURE * float(its.noise.max()) * math.sqrt(2.0 / self.width))
+        limit = max(_MOVED * size, SURE * float(its.noise.max()) * math.sqrt(2.0 / its.width))
         swings = its.trimmed.max(axis=1) > _SWINGS * size
         moved: NDArray[np.bool_] = (~its.quiet() | swings | (away > limit)) & ~self.missing
         return moved

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 import re
 from codecs import BOM_UTF8
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -85,6 +86,7 @@ def read(
     first: str = "",
     clock: bool = False,
     readings: Mapping[str, Reading] = _NONE,
+    blank: bool = False,
 ) -> Table:
     """Read columns of numbers from a text table.
 
@@ -100,6 +102,7 @@ def read(
         clock: whether `first` holds times, which may also be `hh:mm:ss.sss`, `3 days 04:05:06` or ISO 8601; these are
             read as seconds, dates from midnight of the first one.
         readings: by column, how its cells are read where they are not plain numbers.
+        blank: whether an empty cell is a NaN, rather than an error.
 
     Raises:
         Refused: no such file, no table, no such column, a row with more or fewer cells, a cell that is no number.
@@ -118,7 +121,7 @@ def read(
         left = [layout.title(each) for each in sorted(layout.empty) if layout.names and layout.names[each]]
         remarks = [] if chosen else [f"column {name} is empty, and left out" for name in left]
         clocked = bool(leading) and leading[0] in special
-        return _rows(path, layout, leading + others, special, remarks=remarks, clocked=clocked)
+        return _rows(path, layout, leading + others, special, remarks=remarks, clocked=clocked, blank=blank)
     except OSError as error:
         raise Refused(f"{path}: {error.strerror}", "name a text table that can be read") from None
 
@@ -167,8 +170,9 @@ def _rows(
     *,
     remarks: list[str],
     clocked: bool,
+    blank: bool,
 ) -> Table:
-    rows = _Rows(path=path, layout=layout, chosen=chosen, special=special, remarks=remarks)
+    rows = _Rows(path=path, layout=layout, chosen=chosen, special=special, remarks=remarks, blank=blank)
     with path.open("rb") as file:
         if file.read(len(BOM_UTF8)) != BOM_UTF8:
             file.seek(0)
@@ -206,6 +210,7 @@ class _Rows:
         values: shape (columns, rows and room for more).
         count: rows so far.
         remarks: what was left out.
+        blank: whether an empty cell is a NaN.
     """
 
     path: Path
@@ -216,6 +221,7 @@ class _Rows:
     values: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0)))
     count: int = 0
     remarks: list[str] = field(default_factory=list)
+    blank: bool = False
 
     def take(self, block: bytes) -> None:
         """Take a block of whole lines after `MARGIN` line ends, or the end of the file."""
@@ -252,7 +258,7 @@ class _Rows:
                 values, odd = np.empty(len(cells)), np.arange(len(cells))
             else:
                 values, odd = numbers(cells, place)
-                if odd.size > _ODD * values.size:
+                if odd.size > _ODD * values.size and not self.blank:
                     return None
             try:
                 values[odd] = [self._one(cell, self.special.get(place)) for cell in cells.texts(place, odd)]
@@ -266,6 +272,8 @@ class _Rows:
         text = text.replace(",", ".") if self.layout.decimal == "," else text
         if special is not None:
             return special.number(text)
+        if self.blank and not text.strip():
+            return math.nan
         if "_" in text or not text.isascii():
             raise ValueError(text)
         return float(text)

@@ -386,3 +386,4 @@ def test_what_is_not_a_turn_is_no_turn():
     noise_alone = np.random.default_rng(3).standard_normal(6000)
     assert interleaved("x", np.repeat(noise_alone, 2) + np.arange(12_000) * 1e-4).ok is True
     assert interleaved("x", np.where(np.arange(6000) % 200 == 7, 0.0, 50.0 + noise_alone)).ok is True
+    assert interleaved("x", np.full(6000, 18.18)).ok is True

@@ -86,7 +86,8 @@ def test_counts_are_scaled_or_their_limit_is_given():
 @pytest.mark.parametrize(
     ("options", "reason"),
     [
-        (("--time", "t", "--unit", "deg/s"), "--columns is missing"),
+        (("--time", "t", "--unit", "deg/s"), "--columns is missing: rest is told by the rates"),
+        (("--time", "t", "--unit", "deg/s", *BOTH[6:]), "missing: a field that stands still may be turned about"),
         (("--time", "t", "--columns", "gx,gy", "--unit", "deg/s"), "--columns names 2 columns"),
         ((*RATES, "--field", "mx,my", "--field-unit", "uT"), "--field names 2 columns"),
         ((*RATES, "--field", "mx,my,mz"), "--field and --field-unit belong together"),
@@ -110,6 +111,63 @@ def test_an_infinite_reading_is_told(tmp_path):
     result = run(tmp_path / "log.csv", *BOTH)
     assert result.return_value == 1
     assert "INCONCLUSIVE: finite of gx: 1 of 2800 samples are not finite numbers" in " ".join(result.stdout.split())
+
+
+def _merged(path, how):
+    """Write the log with every fifth reading of the magnetometer, as programs merge logs; return the file."""
+    lines = [line for line in Path(LOG).read_text().splitlines() if not line.startswith("#")]
+    rows, field, last = lines[:1], [], []
+    for place, line in enumerate(lines[1:]):
+        cells = line.split(",")
+        last = cells[4:] if place % 5 == 0 else last
+        if how == "events":
+            rows.append(",".join((*cells[:4], "", "", "")))
+            rows += [",".join((f"{float(cells[0]) + 0.07:.2f}", "", "", "", *last))] if place % 5 == 0 else []
+        else:
+            field = last if place % 5 == 0 or how == "held" else [how] * 3
+            rows.append(",".join((*cells[:4], *field)))
+    path.write_text("\n".join(rows) + "\n")
+    return path
+
+
+@pytest.mark.parametrize("how", ["held", "nan", "", "events"])
+def test_a_slower_magnetometer_is_read_at_its_own_rate(tmp_path, how):
+    """However two logs were merged: the same phases, no gate trips, and a note says how many readings there are."""
+    result = run(_merged(tmp_path / "log.csv", how), *BOTH, "--plot", tmp_path / "flight.png")
+    assert result.return_value == 0
+    table = result.stdout.partition("rates/field\n")[2].partition("beginnings")[0]
+    rows = [line.split() for line in table.splitlines()]
+    assert [cells[3] for cells in rows] == ["rest", "rotation", "unsteady", "rest", "rotation", "rest"]
+    told = " ".join(result.stdout.split())
+    assert f"note: 560 of {3360 if how == 'events' else 2800} rows hold a reading of mx, my, mz, at 1 Hz" in told
+    assert "samples are missing" not in told
+    ratio = float(next(cells for cells in rows if cells[3] == "rotation")[-3])
+    assert abs(ratio - 1.0) < 0.02
+
+
+def test_a_slower_gyroscope_and_a_rate_that_was_given(tmp_path):
+    """Rows that repeat the rates are none of theirs: white noise and rate are those of the readings."""
+    rows = [line for line in Path(LOG).read_text().splitlines() if not line.startswith("#")]
+    cells = [line.split(",") for line in rows[1:]]
+    held = [",".join((*cells[place - place % 5][1:4], *line[4:])) for place, line in enumerate(cells)]
+    (tmp_path / "log.csv").write_text("\n".join((rows[0].removeprefix("t,"), *held)) + "\n")
+    result = run(tmp_path / "log.csv", "--rate", "5", *BOTH[2:])
+    assert "log.csv: 560 samples in 559 s sampling: 1.0000" in " ".join(result.stdout.split())
+    assert result.return_value == 0
+
+
+def test_a_log_without_windows_of_both_sensors_is_refused(tmp_path):
+    """One was switched off before the other was switched on: nothing is called missing from end to end."""
+    lines = [line for line in Path(LOG).read_text().splitlines() if not line.startswith("#")]
+    rows = [line.split(",") for line in lines[1:]]
+    half = [",".join((*row[:4], *(["nan"] * 3 if place < 1400 else row[4:]))) for place, row in enumerate(rows)]
+    half = [
+        line if place < 1400 else ",".join((rows[place][0], *["nan"] * 3, *rows[place][4:]))
+        for place, line in enumerate(half)
+    ]
+    (tmp_path / "log.csv").write_text("\n".join((lines[0], *half)) + "\n")
+    with pytest.raises(Refused, match="no window of 2 s has half of the samples of every column"):
+        run(tmp_path / "log.csv", *BOTH)
 
 
 @pytest.mark.parametrize("name", ["flight", "drift"])

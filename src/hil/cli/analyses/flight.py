@@ -50,7 +50,8 @@ def flight(  # noqa: PLR0913 - one argument per option
 ) -> int:
     """Find when a gyroscope and a magnetometer were at rest and when they turned, from the log in FILE.
 
-    --columns names the rates of x, y and z, --field the magnetometer. A phase at rest gives bias and white noise,
+    --columns names the rates of x, y and z, --field the magnetometer, which may have another rate: a row without a new
+    reading of a sensor holds an empty cell, nan, or its last reading. A phase at rest gives bias and white noise,
     and has to pass all gates of a log at rest; a rotation shows whether rates and field turn equally far. If a gate
     trips, it is named with its phase, and the exit code is 1.
 
@@ -63,14 +64,15 @@ def flight(  # noqa: PLR0913 - one argument per option
     from hil.cli.analyses import flight_text  # noqa: PLC0415 - start-up stays light
 
     logs = obtain_beside(
-        _sensors(wanted, field, field_unit, field_full_scale), "windows that miss more than half", at_rest=False
-    )
+        _sensors(wanted, field, field_unit, field_full_scale), "windows that miss more than half", at_rest=False,
+        own_pace=True,
+    )  # fmt: skip
     rates, vectors = logs[0], logs[1] if field else None
     limit, radians = _rates(rates.unit, still)
     found = flight_phases(
         _table(rates), rates.rate, rates.unit,
-        still=limit, radians=radians, field=None if vectors is None else _table(vectors),
-        field_unit=logs[-1].unit, microtesla=_microtesla(logs[-1].unit),
+        still=limit, radians=radians, field=None if vectors is None else _beside(vectors, rates),
+        field_unit=logs[-1].unit, field_rate=logs[-1].rate, microtesla=_microtesla(logs[-1].unit),
         window=window, shortest=shortest, facts=wanted.facts(),
         field_facts=replace(wanted.facts(), lsb=None, noise_density=None, bandwidth=None, full_scale=field_full_scale),
     )  # fmt: skip
@@ -89,7 +91,8 @@ def _sensors(wanted: Wanted, field: str | None, unit: str | None, full_scale: fl
         if columns is not None and columns.count(",") != 2:
             raise Refused(f"{option} names {columns.count(',') + 1} columns", "name those of x, y and z")
     if wanted.columns is None:
-        raise Refused("--columns is missing: rest is told by the rates", "name the columns of the rates of x, y and z")
+        reason = "rest is told by the rates" if field is None else "a field that stands still may be turned about"
+        raise Refused(f"--columns is missing: {reason}", "name the columns of the rates of x, y and z")
     if (field is None) != (unit is None):
         raise Refused("--field and --field-unit belong together", "give both, or neither")
     if field is None or unit is None:
@@ -120,6 +123,21 @@ def _microtesla(unit: str) -> float:
         return convert(1.0, unit, "uT")
     except HilError:
         return math.nan
+
+
+def _beside(log: Log, other: Log) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
+    """Return samples at the times of another log, NaN where there is none; of several in one interval the last."""
+    import numpy as np  # noqa: PLC0415 - start-up stays light
+
+    table, size = _table(log), next(iter(other.channels.values())).size
+    if log.rate == other.rate and log.begin == other.begin and len(table) == size:
+        return table
+    later = round((log.begin - other.begin) * other.rate)
+    places = later + np.rint(np.arange(len(table)) * (other.rate / log.rate)).astype(np.int64)
+    inside = (places >= 0) & (places < size) & np.isfinite(table).any(axis=1)
+    grid = np.full((size, table.shape[1]), np.nan)
+    grid[places[inside]] = table[inside]
+    return grid
 
 
 def _table(log: Log) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:

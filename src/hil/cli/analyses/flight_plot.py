@@ -38,13 +38,12 @@ def _drawn(parts: list[tuple[str, Log]], found: Flight) -> Figure:
     panels = np.atleast_1d(figure.subplots(len(parts), 1, sharex=True)).tolist()
     for axes, (what, log) in zip(panels, parts, strict=True):
         _shaded(axes, found, labelled=axes is panels[0])
+        times = log.begin - parts[0][1].begin + np.arange(next(iter(log.channels.values())).size) / log.rate
         for number, (axis, values) in enumerate(zip(AXES, log.channels.values(), strict=True)):
             few = slice(None, None, max(values.size // _POINTS, 1))
-            axes.plot(
-                np.arange(values.size)[few] / log.rate, values[few], color=COLOURS[number], linewidth=0.6, label=axis
-            )
+            axes.plot(times[few], values[few], color=COLOURS[number], linewidth=0.6, label=axis)
         axes.set_ylabel(f"{what} [{log.unit}]")
-        axes.set_xlim(0.0, values.size / log.rate)
+        axes.set_xlim(0.0, found.phases[-1].end)
         axes.grid(visible=True, color="#dddddd", linewidth=0.5)
         axes.legend(fontsize="small", ncols=7, loc="lower left", bbox_to_anchor=(0.0, 1.0), frameon=False)
     panels[-1].set_xlabel("time [s]")

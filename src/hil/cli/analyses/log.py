@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from hil.cli.analyses.wanted import Wanted
@@ -56,6 +57,7 @@ class Log:
         channels: samples by column, on an even grid; NaN where one is missing.
         gates: every gate with its answer.
         remarks: what was understood in another way than it was written, left out or taken for granted, in sentences.
+        begin: when its first sample was, in s after the first row of the file.
         coped: names of gates that the analysis copes with when they trip.
     """
 
@@ -66,6 +68,7 @@ class Log:
     channels: Mapping[str, NDArray[np.float64]]
     gates: tuple[Gate, ...]
     remarks: tuple[str, ...]
+    begin: float = 0.0
     coped: frozenset[str] = field(default=_COPED)
 
     def doubts(self, channel: str) -> tuple[Gate, ...]:
@@ -119,13 +122,15 @@ def obtain(wanted: Wanted, parts: str = "averages that miss more than 5 %") -> L
     return obtain_beside([wanted], parts)[0]
 
 
-def obtain_beside(sensors: Sequence[Wanted], parts: str, *, at_rest: bool = True) -> list[Log]:
+def obtain_beside(sensors: Sequence[Wanted], parts: str, *, at_rest: bool = True, own_pace: bool = False) -> list[Log]:
     """Read what several sensors say in one log, at the same times.
 
     Args:
         sensors: which samples, of one file and with one time; where there are several, each names its columns.
         parts: as of `obtain`.
         at_rest: whether the whole record is taken at rest; where it is not, its samples are not asked.
+        own_pace: whether each sensor may have a rate of its own: rows in which it has no cell, NaN, or its last reading
+            once more are then not of its log.
 
     Raises:
         Refused: as `obtain` does.
@@ -134,18 +139,47 @@ def obtain_beside(sensors: Sequence[Wanted], parts: str, *, at_rest: bool = True
 
     wanted = sensors[0]
     named = [tuple(name.strip() for name in each.columns.split(",")) if each.columns else () for each in sensors]
-    table = read(wanted.file, [name for each in named for name in each], first=wanted.time or "", clock=True)
+    asked = [name for each in named for name in each]
+    table = read(wanted.file, asked, first=wanted.time or "", clock=True, blank=own_pace)
     if len(table.names) == (wanted.time is not None):
         raise Refused(f"{wanted.file}: there is no column besides the time", "choose another with --columns")
     twice = [name for name in table.names if table.names.count(name) > 1]
     if twice:
         raise Refused(f"column '{twice[0]}' is named twice", "name each column once")
-    timed = _timed(wanted, table) if wanted.rate is None else _untimed(wanted, table)
-    found, names = [], list(timed.channels)
-    for its, columns in zip(sensors, named, strict=True):
+    parted = _own(table, named, wanted) if own_pace else None
+    every = parted or [_timed(wanted, table) if wanted.rate is None else _untimed(wanted, table)] * len(sensors)
+    found, names = [], list(table.names[wanted.rate is None :])
+    for its, timed, columns in zip(sensors, every, named, strict=True):
         own, names = (names[: len(columns)], names[len(columns) :]) if columns else (names, [])
         channels = {name: _scaled(its, name, timed.channels[name]) for name in own}
         found.append(_log(its, timed, channels, (*table.remarks, *timed.remarks), parts, at_rest=at_rest))
+    return found
+
+
+def _own(table: Table, named: Sequence[Sequence[str]], wanted: Wanted) -> list[_Timed] | None:
+    """Return the samples of each sensor in the rows that are its own, None if every row is of every sensor."""
+    import numpy as np  # noqa: PLC0415 - start-up stays light
+
+    from hil.analysis.paces import own_rows  # noqa: PLC0415 - start-up stays light
+
+    if wanted.rate is not None:
+        seconds = np.arange(len(table.values)) / wanted.rate
+        values = np.column_stack((seconds, table.values))
+        table = replace(table, names=("time", *table.names), values=values, clocked=True)
+    ends = np.cumsum([1, *map(len, named)]).tolist()
+    parts = [*pairwise(ends)]
+    if all(own_rows(table.values[:, first:after]) is None for first, after in parts):
+        return None
+    found = []
+    for first, after in parts:
+        own = own_rows(table.values[:, first:after], apart=True)
+        names, values = table.names[first:after], table.values[:, [0, *range(first, after)]]
+        part = replace(table, names=(table.names[0], *names), values=values if own is None else values[own])
+        timed = _timed(wanted, part, zero=float(table.values[0, 0]))
+        if own is not None:
+            told = f"{len(own)} of {len(values)} rows hold a reading of {', '.join(names)}, at {timed.rate:.4g} Hz"
+            timed = replace(timed, remarks=(*timed.remarks, f"{told}; the others repeat it or hold none"))
+        found.append(timed)
     return found
 
 
@@ -176,6 +210,7 @@ def _log(
         channels=_on_grid(timed, channels),
         gates=(*timed.gates, *sampled, *named_units(channels, wanted.unit), *asked),
         remarks=(*remarks, *_missing(channels, timed.report, parts), *_rounded(channels, facts)),
+        begin=timed.begin,
         coped=coped,
     )
 
@@ -211,6 +246,7 @@ class _Timed:
     channels: dict[str, NDArray[np.float64]]
     gates: tuple[Gate, ...]
     remarks: tuple[str, ...]
+    begin: float = 0.0
 
 
 def _untimed(wanted: Wanted, table: Table) -> _Timed:
@@ -228,14 +264,16 @@ def _untimed(wanted: Wanted, table: Table) -> _Timed:
         channels=channels,
         gates=(),
         remarks=tuple(_clocks(channels)),
+        begin=float(seconds[part][0]),
     )
 
 
-def _timed(wanted: Wanted, table: Table) -> _Timed:
+def _timed(wanted: Wanted, table: Table, *, zero: float = math.nan) -> _Timed:
+    """Understand the times of samples; `zero` is the timestamp of the file's first row, where it is not theirs."""
     import numpy as np  # noqa: PLC0415 - start-up stays light
 
     from hil.analysis.sampling import placed  # noqa: PLC0415 - start-up stays light
-    from hil.analysis.timeline import time_unit, timeline  # noqa: PLC0415 - start-up stays light
+    from hil.analysis.timeline import TIME_UNITS, time_unit, timeline  # noqa: PLC0415 - start-up stays light
 
     raw = table.values[:, 0]
     unit, told = ("s", "") if table.clocked else time_unit(wanted.time_unit, table.names[0], raw)
@@ -244,7 +282,9 @@ def _timed(wanted: Wanted, table: Table) -> _Timed:
         line: Timeline = timeline(raw, unit, typed=typed, column=table.names[0], values=table.values[:, 1:])
     except Refused as error:
         raise Refused(f"{wanted.file}: {error.message}", error.hint) from None
-    part = _part(wanted, line.seconds)
+    later = (float(raw[0]) - zero) * TIME_UNITS[unit]
+    since = line.seconds + later if later > 0.0 else line.seconds
+    part = _part(wanted, since)
     whole = bool(part.all())
     rows: NDArray[np.int64] | slice = slice(None)  # no copy where every row is meant
     if line.rows is not None or not whole:
@@ -260,6 +300,7 @@ def _timed(wanted: Wanted, table: Table) -> _Timed:
         },
         gates=line.gates,
         remarks=(*((told,) if told else ()), *line.remarks),
+        begin=float(since[part.argmax()]),
     )
 
 
