@@ -14,7 +14,7 @@ from workspaces import agreed, make
 from hil.cli import entry
 from hil.evidence.package.contents import Package
 from hil.evidence.package.verification import verify
-from hil.executive.setup.software import pinned_environment
+from hil.executive.setup.pins import pinned_environment
 from hil.model.errors import Refused
 
 CASE = '''

@@ -20,7 +20,7 @@ from told_as_json import bodies, results_as_json
 from hil.evidence.package.contents import Package
 from hil.evidence.package.verification import verify
 from hil.executive.setup.configuration import Request
-from hil.executive.setup.software import PINNED
+from hil.executive.setup.pins import PINNED
 from hil.model.identity import Source
 from hil.plugin.running import run
 from hil.requirements.catalogue import load_catalogue

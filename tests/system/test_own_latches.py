@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from hil.executive.setup.software import pinned_environment
+from hil.executive.setup.pins import pinned_environment
 from hil.guardian import latch
 
 pytestmark = pytest.mark.system

@@ -57,7 +57,7 @@ def pin() -> None:
 
     Modules that happen to lie in the present folder do not take part, as they do not for the `hil` script.
     """
-    from hil.executive.setup.software import PINNED, pinned_environment  # noqa: PLC0415 - only when cases run
+    from hil.executive.setup.pins import PINNED, pinned_environment  # noqa: PLC0415 - only when cases run
 
     if any(os.environ.get(name) != value for name, value in PINNED.items()):
         sys.stdout.flush()

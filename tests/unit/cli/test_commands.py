@@ -16,7 +16,7 @@ from hil.evidence.ledger import packages
 from hil.evidence.ledger.book import ledger_file, read
 from hil.evidence.ledger.entries import Replayed
 from hil.evidence.package import verification
-from hil.executive.setup.software import PINNED
+from hil.executive.setup.pins import PINNED
 from hil.model.errors import EvidenceError
 
 GOOD = """

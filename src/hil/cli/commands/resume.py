@@ -52,7 +52,7 @@ def command(
     """
     folder = find_run(run)
     if invocation.word is None:
-        from hil.executive.setup.software import pinned_environment  # noqa: PLC0415 - the process that waits stays light
+        from hil.executive.setup.pins import pinned_environment  # noqa: PLC0415 - the process that waits stays light
 
         return supervise(invocation.arguments, pinned_environment())
     from hil.executive.resuming.preconditions import resumed_request  # noqa: PLC0415 - after the pins

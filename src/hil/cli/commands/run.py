@@ -169,7 +169,7 @@ def _in_another_process(invocation: Invocation, output: Path | None, *, detach: 
         from hil.cli.starting import detach as start  # noqa: PLC0415 - only where it is asked for
 
         return start(invocation.arguments, output.resolve() if output else reports_folder())
-    from hil.executive.setup.software import pinned_environment  # noqa: PLC0415 - not where a run is let go
+    from hil.executive.setup.pins import pinned_environment  # noqa: PLC0415 - not where a run is let go
 
     return supervise(invocation.arguments, pinned_environment())
 

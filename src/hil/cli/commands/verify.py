@@ -124,7 +124,7 @@ class _Replayed(NamedTuple):
 
 def _replayed(found: Verification) -> _Replayed:
     """Replay the package in a process of its own, which has the pinned environment; what differs is said at once."""
-    from hil.executive.setup.software import pinned_environment  # noqa: PLC0415 - only where it is asked for
+    from hil.executive.setup.pins import pinned_environment  # noqa: PLC0415 - only where it is asked for
 
     done = subprocess.run(  # noqa: S603 - ourselves
         [sys.executable, "-P", "-m", "hil.cli", "replay", str(found.folder.resolve())],

@@ -6,7 +6,7 @@ import base64
 import os
 import platform
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import cache
 from importlib import metadata
 from pathlib import Path
@@ -15,49 +15,18 @@ import hil
 from hil.documents.canonical import JsonError, parse_strict
 from hil.evidence.results.judging_code import judging_digest
 from hil.executive.setup.checkout import digest_of, git, status
+from hil.executive.setup.pins import PINNED
 from hil.model.errors import Refused
 
 __all__ = [
-    "PINNED",
     "changing",
     "customised",
-    "pinned_environment",
     "product_source",
     "require_assertions",
     "software_identity",
     "version",
 ]
 
-PINNED = {
-    "NPY_DISABLE_CPU_FEATURES": "AVX512F AVX512CD AVX512_SKX AVX512_CLX AVX512_CNL AVX512_ICL AVX512_SPR",
-    "OMP_NUM_THREADS": "1",
-    "OPENBLAS_CORETYPE": "Haswell",
-    "OPENBLAS_NUM_THREADS": "1",
-    "PYTHONHASHSEED": "0",
-}
-"""Variables of the environment; they have to be there before NumPy is imported."""
-
-
-def pinned_environment(warnings: Sequence[str] = sys.warnoptions) -> dict[str, str]:
-    """Return this process' environment with the pins set, pytest's own variables removed.
-
-    Args:
-        warnings: what this Python was told to do with warnings.
-
-    Raises:
-        Refused: for `python -W error` and PYTHONWARNINGS=error; a library that warns would end the run by it.
-    """
-    if any(each.partition(":")[0] in _FATAL for each in warnings):
-        raise Refused(
-            "this Python makes errors of warnings, so that a library that warns would end the run",
-            "unset PYTHONWARNINGS, and start Python without -W",
-        )
-    kept = {key: value for key, value in os.environ.items() if not key.startswith("PYTEST_")}
-    return {**kept, **PINNED}
-
-
-_FATAL = frozenset("error"[:length] for length in range(1, 6))
-"""What makes errors of warnings; Python takes the first letters of the word for the whole."""
 _BUILT = "built.json"
 """What the wheel has beside the product's modules: the commit of its source, and whether it differed."""
 _FLAGS = ("optimize", "dev_mode", "ignore_environment", "isolated", "no_site", "no_user_site", "safe_path")
