@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import gc
 import importlib
 import signal
 import sys
@@ -106,6 +107,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
                 untold = _of_output(error)
                 code = untold if code in {0, _UNTOLD} else code  # what happened to a bench outweighs who reads it
         sys.exit(code)
+    gc.disable()  # next to nothing of what a run loads is garbage; it enables this once the bench is there
     with displays():
         code = _code(Invocation(given, word))
     word.leave(code)

@@ -166,6 +166,13 @@ def _rare_collections() -> Iterator[None]:
         gc.set_threshold(*before)
 
 
+def _collect_from_now_on() -> None:
+    """Let a process that was started for a run look for garbage, but not in what it has loaded."""
+    if not gc.isenabled():
+        gc.freeze()
+        gc.enable()
+
+
 class _RunProcess:
     """The process that was started for one run, and is left if the run cannot continue.
 
@@ -186,6 +193,7 @@ class _RunProcess:
 
     def open(self, configuration: Configuration, planned: Sequence[PlannedCase]) -> Session:
         """Open the session, with everybody who watches it."""
+        _collect_from_now_on()
         progress = Progress(self._out, verbose=self._verbose)
         notifier = Notifier(configuration.workspace.notify, configuration.workspace.root)
         session = self._opener(configuration, planned, spectators=[progress, notifier], caller=self)
