@@ -81,7 +81,7 @@ class Offers(Generic[_Offer]):
             return None
 
     def _found(self) -> Mapping[str, Mapping[str, EntryPoint]]:
-        return _installed(self.group)
+        return _installed().get(self.group, {})
 
     def _only(self, name: str) -> EntryPoint:
         points = self._found().get(name, {})
@@ -110,10 +110,18 @@ class Offers(Generic[_Offer]):
 
 
 @cache
-def _installed(group: str) -> Mapping[str, Mapping[str, EntryPoint]]:
-    """Return what a group offers, by name and value; looking through all packages takes some milliseconds."""
-    found = entry_points(group=group)
-    return {name: {point.value: point for point in found.select(name=name)} for name in sorted(found.names)}
+def _installed() -> Mapping[str, Mapping[str, Mapping[str, EntryPoint]]]:
+    """Return all offers by group, name and value; looking through all packages takes some milliseconds."""
+    found: dict[str, dict[str, dict[str, EntryPoint]]] = {}
+    everything = entry_points()
+    for group in everything.groups:
+        for point in sorted(everything.select(group=group), key=_name):
+            found.setdefault(group, {}).setdefault(point.name, {})[point.value] = point
+    return found
+
+
+def _name(point: EntryPoint) -> str:
+    return point.name
 
 
 def _by(point: EntryPoint) -> str:

@@ -15,7 +15,6 @@ from importlib import metadata
 from importlib.machinery import PathFinder
 from importlib.metadata import Distribution, EntryPoint
 from pathlib import Path
-from typing import NamedTuple
 from urllib.parse import unquote, urlsplit
 
 from hil.documents.offers import Offers
@@ -35,11 +34,8 @@ _VIRTUALENV = frozenset(
 """SHA-256 of `_virtualenv.py` and `_virtualenv.pth`, which virtualenv 20 writes into environments without a RECORD."""
 
 
-class _Owner(NamedTuple):
-    """Which package a file is of, and its hash as the RECORD has it (PEP 376), empty where it has none."""
-
-    package: str
-    recorded: str
+_Owner = tuple[str, str]
+"""Which package a file is of, and its hash as the RECORD has it (PEP 376), empty where it has none."""
 
 
 class OtherPackage:
@@ -153,7 +149,7 @@ class Installed:
     def package_of(self, file: str) -> str:
         """Return name and version of the package that records a file, empty for none."""
         owner = self._owner(file)
-        return owner.package if owner else ""
+        return owner[0] if owner else ""
 
     def name_of(self, file: str) -> str:
         """Return the name of that package in the spelling in which names are compared, empty for none."""
@@ -162,7 +158,7 @@ class Installed:
     def recorded(self, file: str) -> str | None:
         """Return the SHA-256 that a RECORD has of a file, empty where it has none; None if no package records it."""
         owner = self._owner(file)
-        return _hexadecimal(owner.recorded) if owner else None
+        return _hexadecimal(owner[1]) if owner else None
 
     def is_in_place(self, path: Path) -> bool:
         """Return whether a file lies in the folder of a package that was installed in place."""
@@ -236,14 +232,14 @@ def _found(module: str) -> str:
 
 
 def _started(path: Path) -> dict[str, object]:
-    owner, digest = _owners().get(str(path), _Owner("", "")), digest_of(path)
-    whole = bool(digest) and _hexadecimal(owner.recorded) == digest
+    (package, recorded), digest = _owners().get(str(path), ("", "")), digest_of(path)
+    whole = bool(digest) and _hexadecimal(recorded) == digest
     told = {
         "file": f"{path.parent.name}/{path.name}",
         "sha256": digest,
-        "of": owner.package,
+        "of": package,
         "whole": whole,
-        "needed": _plain(owner.package) in needed(),
+        "needed": _plain(package) in needed(),
         "lines": [each[:_LONGEST] for each in _lines(path)] if path.suffix == ".pth" else [],
     }
     if digest in _VIRTUALENV and digest_of(path.with_name("_virtualenv.py")) in _VIRTUALENV:
@@ -289,7 +285,7 @@ def _owners() -> Mapping[str, _Owner]:
     found = {}
     for each in metadata.distributions():
         package = " ".join(named(each))
-        found.update({path: _Owner(package, digest) for path, digest in _recorded(each).items()})
+        found.update({path: (package, digest) for path, digest in _recorded(each).items()})
     return found
 
 
@@ -320,11 +316,13 @@ def _recorded(distribution: Distribution) -> dict[str, str]:
     root = os.path.realpath(str(distribution.locate_file("")))
     found = {}
     for line in (distribution.read_text("RECORD") or "").splitlines():
-        name, _, rest = line.rpartition(",")[0].rpartition(",")
-        if name and "__pycache__" not in name:
+        if "__pycache__" in line:
+            continue
+        parts = line.rsplit(",", 2)
+        if len(parts) > 2 and (name := parts[0]):
             plain = name[0] not in './"' and "/." not in name  # as nearly all of some thousand files
             path = f"{root}{os.sep}{name}" if plain else os.path.normpath(os.path.join(root, name.strip('"')))  # noqa: PTH118
-            found[path] = rest
+            found[path] = parts[1]
     return found
 
 
