@@ -201,3 +201,32 @@ def test_options_that_do_not_fit_are_refused(tmp_path, options, message):
         run(path_of_job, "--formula", "a")
     with pytest.raises(ConfigurationError, match="--formula: unknown name 'b'"):
         run(path, "--from", f"a={path}", "--formula", "b")
+
+
+UNREAD = ("1.0 ± 0.14", "1,000", "1 000", "1'000", "1 V", "12.5*", "1.5(1)", "< 1", "1e400", "1.500,5")
+"""What people print, and what is no number to the command."""
+
+
+@pytest.mark.parametrize("formula", [("--formula", "a"), ("--column", "v=a")])
+@pytest.mark.parametrize("text", UNREAD)
+def test_a_cell_that_cannot_be_read_never_passes_unchecked(tmp_path, text, formula):
+    """Not even where every other cell of its column is like it, so that it could be one of remarks."""
+    published, source = written(tmp_path, p_csv=f'k,w,v\nx,1,"{text}"\ny,2,\n', a_csv="k,w,v\nx,1,1\ny,2,2\n")
+    with pytest.raises(ConfigurationError, match=r"p\.csv:2:6: '.*' is not a number: correct it"):
+        run(published, "--from", f"a={source}", *formula)
+
+
+def test_remarks_are_left_out(tmp_path):
+    """A column of words beside numbers."""
+    published, source = written(tmp_path, p_csv="k,v,remark\nx,1,windy\ny,2,\n", a_csv="k,v\nx,1\ny,2\n")
+    result = run(published, "--from", f"a={source}", "--formula", "a")
+    assert (result.return_value, "2 cells: 2 follow" in result.stdout) == (0, True)
+
+
+def test_a_table_without_a_checked_cell_does_not_pass(tmp_path):
+    """It says so, where it said that no cells follow, with exit code 0."""
+    published, source = written(tmp_path, p_csv="k,v\nx,none\n", a_csv="k,v\nx,1\n")
+    with pytest.raises(ConfigurationError, match=r"p\.csv has no number that could be checked"):
+        run(published, "--from", f"a={source}", "--formula", "a")
+    with pytest.raises(ConfigurationError, match=r"p\.csv:2:3: 'none' is not a number"):
+        run(published, "--from", f"a={source}", "--column", "v=a")

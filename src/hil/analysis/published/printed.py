@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from decimal import Decimal
 
-__all__ = ["EXACT", "Key", "NotANumber", "Printed", "PrintedTable", "as_printed"]
+__all__ = ["EXACT", "Key", "NotANumber", "Printed", "PrintedTable", "as_printed", "begins_as_number"]
 
 Key = tuple[str, str]
 """A cell of a table: its row and its column."""
@@ -19,6 +19,7 @@ _NUMBER = re.compile(
     r"(?P<sign>[-+]?)(?P<mantissa>[0-9]+(?:\.[0-9]*)?|\.[0-9]+)"
     r"(?:[eE](?P<exponent>[-+]?[0-9]{1,3})|\s*[·\u00d7x*]\s*10\^?\{?(?P<power>[-+]?[0-9]{1,3})\}?)?\s*%?"
 )
+_BEGINS = re.compile(r"[-+<>~\u2212\u2013\u2248\u2264\u2265\u00b1]?\s*[.,]?[0-9]")
 _CLOCK = re.compile(r"(?P<hours>[0-9]{1,4}):(?P<minutes>[0-5][0-9]):(?P<seconds>[0-5][0-9](?:\.[0-9]+)?)")
 _MINUS = str.maketrans("\u2212\u2013", "--")
 _LONGEST = 40
@@ -88,6 +89,11 @@ def as_printed(text: str, digits: int | None = None) -> Printed:
     if value in {float("inf"), float("-inf")}:
         raise NotANumber(text)
     return Printed(text=text.strip(), value=value, half=half, digits=match["mantissa"].replace(".", "").lstrip("0"))
+
+
+def begins_as_number(text: str) -> bool:
+    """Return whether a cell that is no number begins as one: `1.5 ± 0.1`, `1,500`, `< 3`, `12.5*`."""
+    return _BEGINS.match(text.strip()) is not None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from hil.documents.declared import Document
     from hil.documents.findings import Findings
     from hil.documents.node import Place
-    from hil.logs.published import Job, Sheet, Source, Statement
+    from hil.logs.published import Job, Sheet, SheetCell, Source, Statement
 
 __all__ = ["table"]
 
@@ -121,11 +121,19 @@ def _sheets(job: Job, folder: Path, findings: Findings) -> dict[str, tuple[Sheet
 
 
 class _Tables:
-    """The tables of a job by name, with every number read."""
+    """The tables of a job by name, with every number read.
+
+    Attributes:
+        findings: what is wrong with them.
+        sheets: their texts.
+        printed: their numbers.
+        remarks: by table what stands in columns of remarks.
+    """
 
     def __init__(self, sheets: Mapping[str, tuple[Sheet, Source]], findings: Findings) -> None:
         self.findings = findings
         self.sheets = {name: sheet for name, (sheet, _) in sheets.items()}
+        self.remarks: dict[str, dict[Key, SheetCell]] = {name: {} for name in sheets}
         self.printed = {name: self._printed(sheet, source) for name, (sheet, source) in sheets.items()}
 
     def _printed(self, sheet: Sheet, source: Source) -> PrintedTable:
@@ -141,17 +149,19 @@ class _Tables:
         digits = EXACT if source.digits == "exact" else int(source.digits) if source.digits else None
         cells: dict[tuple[str, str], Printed] = {}
         for column in sheet.columns:
-            numbers, words = {}, []
+            numbers, words = {}, {}
             for key, cell in sheet.cells.items():
                 if key[1] == column:
                     try:
                         numbers[key] = as_printed(cell.text, digits)
                     except NotANumber:
-                        words.append(cell)
-            if len(numbers) > len(words):
-                cells |= numbers
-                for cell in words:
-                    self.findings.add(cell.place, f"'{cell.text}' is not a number: correct it, or leave the cell blank")
+                        words[key] = cell
+            if len(numbers) <= len(words):
+                self.remarks[sheet.name] |= words
+                continue
+            cells |= numbers
+            for cell in words.values():
+                self.findings.add(cell.place, f"'{cell.text}' is not a number: correct it, or leave the cell blank")
         return PrintedTable(name=sheet.name, rows=sheet.rows, columns=sheet.columns, cells=cells)
 
 
@@ -168,6 +178,7 @@ def _checked(number: int, statement: Statement, tables: _Tables, document: Docum
     if published is None or sources is None:
         return None
     formulas = asking.formulas(published, sources)
+    asking.require_numbers(published, formulas)
     cells = check(published, formulas, sources, tuple(tables.printed.values()))
     at = {key: cell.place for key, cell in tables.sheets[published.name].cells.items()}
     return CheckedTable(
@@ -219,6 +230,25 @@ class _Asking:
         if not (statement.formula or statement.columns or statement.cells):
             self._note((), "no formula is given: add 'formula', 'columns' or 'cells'")
         return found
+
+    def require_numbers(self, published: PrintedTable, formulas: Mapping[Key, Formula]) -> None:
+        """Note the cells that have a formula and cannot be read, which would pass unchecked, and where none can.
+
+        A column of remarks has no formula of its own, and nothing in it begins as a number.
+        """
+        from hil.analysis.published.printed import begins_as_number  # noqa: PLC0415 - start-up stays light
+
+        own = {(each.row, each.column) for each in self._statement.cells}
+        unread = [
+            cell
+            for key, cell in self._tables.remarks[published.name].items()
+            if key in formulas and (key in own or key[1] in self._statement.columns or begins_as_number(cell.text))
+        ]
+        for cell in unread:
+            told = "correct it, leave the cell blank, or give other columns formulas of their own"
+            self._tables.findings.add(cell.place, f"'{cell.text}' is not a number: {told}")
+        if formulas and not unread and not any(key in formulas for key in published.cells):
+            self._note(("published",), f"{published.name} has no number that could be checked")
 
     def unknown(self, path: tuple[str | int, ...], name: str) -> None:
         """Note that there is no such table."""
