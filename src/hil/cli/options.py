@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
@@ -12,10 +13,15 @@ from hil.documents.text import require_name
 from hil.model.errors import Refused
 
 __all__ = [
+    "ABOVE_ZERO",
     "ACKNOWLEDGE_WITHIN",
     "ANSWERS",
+    "DEGC",
+    "FINITE",
     "JSON",
     "SERVED",
+    "ZERO_OR_MORE",
+    "Within",
     "attendance_of",
     "attendance_options",
     "deviation_options",
@@ -28,6 +34,31 @@ __all__ = [
 ]
 
 _Command = TypeVar("_Command", bound=Callable[..., Any])
+
+
+class _Finite(click.types.FloatParamType):
+    """A finite number."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:  # noqa: ANN401
+        """Return the number; every comparison with NaN is false, so that no range of click's own keeps it out."""
+        number = super().convert(value, param, ctx)
+        if not math.isfinite(number):
+            self.fail(f"{number} is not a finite number.", param, ctx)
+        return number
+
+
+class Within(click.FloatRange, _Finite):
+    """A finite number within a range, as of `click.FloatRange`."""
+
+
+FINITE = _Finite()
+"""The type of an option that takes a finite number."""
+ABOVE_ZERO = Within(min=0.0, min_open=True)
+"""Likewise, for a number above zero."""
+ZERO_OR_MORE = Within(min=0.0)
+"""Likewise, for zero or a number above it."""
+DEGC = Within(min=-273.15, min_open=True)
+"""Likewise, for a temperature in degC."""
 
 SERVED = click.option(
     "--served",
@@ -43,7 +74,7 @@ ANSWERS = click.option(
 JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON document and nothing else.")
 ACKNOWLEDGE_WITHIN = click.option(
     "--acknowledge-within",
-    type=click.FloatRange(min=0, min_open=True, max=24 * 60),
+    type=Within(min=0, min_open=True, max=24 * 60),
     default=10.0,
     metavar="MINUTES",
     help="How long the person on call has to answer the first notification; 10 by default.",

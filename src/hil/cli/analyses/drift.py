@@ -13,7 +13,7 @@ from hil.cli.analyses.exports import write_exports
 from hil.cli.analyses.gyroscope_temperature import in_celsius
 from hil.cli.analyses.log import obtain_beside
 from hil.cli.analyses.wanted import Wanted, log_options
-from hil.cli.options import JSON, plot_option
+from hil.cli.options import ABOVE_ZERO, FINITE, JSON, plot_option
 from hil.model.errors import Refused
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ _HARMLESS = frozenset({"aliased", "alike", "density", "steady"})  # of gates on 
 @click.option("--temperature", required=True, metavar="COLUMN", help="Column of temperatures in degC.")
 @click.option(
     "--reference",
-    type=float,
+    type=FINITE,
     default=25.0,
     show_default=True,
     metavar="DEGC",
@@ -39,7 +39,7 @@ _HARMLESS = frozenset({"aliased", "alike", "density", "steady"})  # of gates on 
 )
 @click.option(
     "--least-range",
-    type=click.FloatRange(min=0.0, min_open=True),
+    type=ABOVE_ZERO,
     default=5.0,
     show_default=True,
     metavar="K",
@@ -47,7 +47,7 @@ _HARMLESS = frozenset({"aliased", "alike", "density", "steady"})  # of gates on 
 )
 @click.option(
     "--longest-gap",
-    type=click.FloatRange(min=0.0, min_open=True),
+    type=ABOVE_ZERO,
     metavar="S",
     help="A longer gap ends a fragment; five intervals between samples by default.",
 )

@@ -12,7 +12,7 @@ import click
 
 from hil.cli.analyses.log import Log, obtain_beside
 from hil.cli.analyses.wanted import Wanted, log_options
-from hil.cli.options import JSON, plot_option, unit_option
+from hil.cli.options import ABOVE_ZERO, JSON, plot_option, unit_option
 from hil.model.errors import HilError, Refused
 
 if TYPE_CHECKING:
@@ -21,19 +21,18 @@ if TYPE_CHECKING:
 __all__ = ["flight"]
 
 _STILL = 1.0  # deg/s: a bias of a small gyroscope drifts by less, and nothing turns slower for long
-_SECONDS = click.FloatRange(min=0.0, min_open=True)
 
 
 @click.command("flight", short_help="Find rest and rotation in a flight log.")
 @partial(log_options, columns="Columns of the rates of x, y and z, by number or name.")
 @click.option("--field", metavar="A,B,C", help="Columns of the magnetometer, by number or name.")
 @unit_option("--field-unit", help="Unit of the magnetometer's numbers, such as uT or LSB.")
-@click.option("--field-full-scale", type=float, metavar="VALUE", help="Largest reading of the magnetometer.")
+@click.option("--field-full-scale", type=ABOVE_ZERO, metavar="VALUE", help="Largest reading of the magnetometer.")
 @click.option(
-    "--still", type=_SECONDS, metavar="RATE", help="How far rates may be off the bias at rest; 1 deg/s by default."
+    "--still", type=ABOVE_ZERO, metavar="RATE", help="How far rates may be off the bias at rest; 1 deg/s by default."
 )
-@click.option("--window", type=_SECONDS, default=2.0, show_default=True, metavar="S", help="Length of a window.")
-@click.option("--shortest", type=_SECONDS, default=10.0, show_default=True, metavar="S", help="Shortest phase.")
+@click.option("--window", type=ABOVE_ZERO, default=2.0, show_default=True, metavar="S", help="Length of a window.")
+@click.option("--shortest", type=ABOVE_ZERO, default=10.0, show_default=True, metavar="S", help="Shortest phase.")
 @plot_option("rates and field with the phases")
 @JSON
 def flight(  # noqa: PLR0913 - one argument per option

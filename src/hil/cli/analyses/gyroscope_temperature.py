@@ -12,7 +12,7 @@ import click
 
 from hil.cli.analyses.exports import export_options, write_exports
 from hil.cli.analyses.log import named_units
-from hil.cli.options import JSON, plot_option, unit_option
+from hil.cli.options import FINITE, JSON, ZERO_OR_MORE, plot_option, unit_option
 from hil.model.errors import Refused
 from hil.model.figure import Figure
 
@@ -52,11 +52,11 @@ class _Columns:
 @click.option("--axes", default="x,y,z", show_default=True, metavar="A,B,C", help="Names of the axes.")
 @click.option("--rates", metavar="A,B,C", help="Columns of true rates about each axis; rows with zeros are at rest.")
 @click.option("--uncertainties", metavar="A,B,C", help="Columns of standard uncertainties of the means.")
-@click.option("--uncertainty", type=float, metavar="U", help="One standard uncertainty for all means.")
+@click.option("--uncertainty", type=FINITE, metavar="U", help="One standard uncertainty for all means.")
 @unit_option("--unit", required=True, help="Unit of means, rates and uncertainties, such as deg/s.")
 @click.option(
     "--reference",
-    type=float,
+    type=FINITE,
     default=25.0,
     show_default=True,
     metavar="DEGC",
@@ -69,10 +69,14 @@ class _Columns:
     help="Degree of the polynomials, 1 to 3; by default the data choose it.",
 )
 @click.option(
-    "--rate-uncertainty", type=float, default=0.0, metavar="U", help="Relative uncertainty of the table's rates."
+    "--rate-uncertainty", type=ZERO_OR_MORE, default=0.0, metavar="U", help="Relative uncertainty of the table's rates."
 )
 @click.option(
-    "--margin", type=float, default=0.0, metavar="K", help="How far beyond the measured temperatures it is valid."
+    "--margin",
+    type=ZERO_OR_MORE,
+    default=0.0,
+    metavar="K",
+    help="How far beyond the measured temperatures it is valid.",
 )
 @plot_option("the fits")
 @export_options

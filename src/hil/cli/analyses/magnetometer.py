@@ -10,7 +10,7 @@ import click
 
 from hil.cli.analyses.exports import export_options, write_exports
 from hil.cli.analyses.log import named_units, refuse_extremes
-from hil.cli.options import JSON, plot_option, unit_option
+from hil.cli.options import ABOVE_ZERO, FINITE, JSON, plot_option, unit_option
 from hil.model.errors import HilError, Refused
 
 if TYPE_CHECKING:
@@ -41,13 +41,15 @@ class _Recorded:
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("--columns", required=True, metavar="A,B,C", help="Columns of x, y and z, by number or name.")
 @unit_option("--unit", required=True, help="Unit of the numbers in the file, such as uT or LSB.")
-@click.option("--scale", type=float, metavar="FACTOR", help="How many --scaled-unit one --unit is.")
+@click.option("--scale", type=FINITE, metavar="FACTOR", help="How many --scaled-unit one --unit is.")
 @unit_option("--scaled-unit", help="Unit after scaling, such as uT.")
-@click.option("--field", type=float, metavar="VALUE", help="Known magnitude of the field, the same for all readings.")
+@click.option(
+    "--field", type=ABOVE_ZERO, metavar="VALUE", help="Known magnitude of the field, the same for all readings."
+)
 @click.option("--field-column", metavar="COLUMN", help="Column of known magnitudes, by number or name.")
 @unit_option("--field-unit", help="Unit of the known magnitudes; that of the readings by default.")
 @click.option(
-    "--noise", type=float, metavar="VALUE", help="Known noise along each axis, standard deviation, in --unit."
+    "--noise", type=ABOVE_ZERO, metavar="VALUE", help="Known noise along each axis, standard deviation, in --unit."
 )
 @click.option(
     "--temperature", metavar="COLUMN", help="Column of the sensor's temperature in degC: the bias may follow it."
@@ -56,7 +58,7 @@ class _Recorded:
     "--method", type=click.Choice(_METHODS), help="The fit; likelihood with a known field, else ellipsoid by default."
 )
 @click.option("--shape", type=click.Choice(_SHAPES), help="What the matrix may be; by default the data choose it.")
-@click.option("--full-scale", type=float, metavar="VALUE", help="Largest reading of either sign, in --unit.")
+@click.option("--full-scale", type=ABOVE_ZERO, metavar="VALUE", help="Largest reading of either sign, in --unit.")
 @plot_option("the residuals")
 @export_options
 @JSON
@@ -99,7 +101,7 @@ def magnetometer(  # noqa: PLR0913 - one argument per option
     found = scaled_unit or unit
     factor = _factor(field_unit, found)
     each = scale or 1.0
-    full_scale, noise = (None if value is None else value * each for value in (full_scale, noise))
+    full_scale, noise = (None if value is None else value * abs(each) for value in (full_scale, noise))
     recorded = _recorded(file, (names, field_column, temperature), unit, (each, factor), full_scale)
     known = recorded.field if field is None else field * factor
     report = calibrate_magnetometer(
@@ -134,6 +136,8 @@ def _three(columns: str) -> list[str]:
 def _agree(scale: float | None, scaled_unit: str | None, field: float | None, field_column: str | None) -> None:
     if (scale is None) != (scaled_unit is None):
         raise Refused("--scale and --scaled-unit belong together", "give both, or neither")
+    if scale == 0.0:
+        raise Refused("--scale 0 is not possible", "give how many --scaled-unit one --unit is")
     if field is not None and field_column is not None:
         raise Refused("--field and --field-column say the same", "give one of them")
 

@@ -10,7 +10,7 @@ import click
 
 from hil.cli.analyses.exports import export_options, write_exports
 from hil.cli.analyses.log import INCONCLUSIVE, gates_as_json, named_units, refuse_extremes
-from hil.cli.options import JSON, plot_option, unit_option
+from hil.cli.options import ABOVE_ZERO, DEGC, JSON, ZERO_OR_MORE, plot_option, unit_option
 from hil.model.errors import HilError, Refused
 
 if TYPE_CHECKING:
@@ -26,23 +26,25 @@ __all__ = ["photodiode"]
 @click.option("--reading", required=True, metavar="COLUMN", help="Column of readings at the load, by number or name.")
 @unit_option("--unit", required=True, help="Unit of the readings: V, mV, or LSB with --reference.")
 @click.option("--temperature", required=True, metavar="COLUMN", help="Column of temperatures in degC.")
-@click.option("--load", type=float, metavar="OHM", help="Load resistance of all readings.")
+@click.option("--load", type=ABOVE_ZERO, metavar="OHM", help="Load resistance of all readings.")
 @click.option("--load-column", metavar="COLUMN", help="Column of load resistances in ohm.")
 @click.option("--light", metavar="COLUMN", help="Column of a light monitor, in any unit.")
-@click.option("--reference", type=float, metavar="V", help="Voltage at full scale of the converter, as measured.")
-@click.option("--full-scale", type=float, default=4095.0, metavar="LSB", help="Largest count; 4095 by default.")
+@click.option("--reference", type=ABOVE_ZERO, metavar="V", help="Voltage at full scale of the converter, as measured.")
+@click.option("--full-scale", type=ABOVE_ZERO, default=4095.0, metavar="LSB", help="Largest count; 4095 by default.")
 @click.option(
     "--nominal",
-    type=float,
+    type=DEGC,
     default=25.0,
     metavar="DEGC",
     help="Temperature at which figures are stated; 25 by default.",
 )
-@click.option("--series", type=float, default=0.0, metavar="OHM", help="Series resistance of the data sheet.")
-@click.option("--reference-uncertainty", type=float, default=0.0, metavar="SHARE", help="Of the reference voltage.")
-@click.option("--offset-uncertainty", type=float, default=0.0, metavar="V", help="Of the converter's zero.")
-@click.option("--load-uncertainty", type=float, default=0.0, metavar="SHARE", help="Of each load.")
-@click.option("--temperature-uncertainty", type=float, default=0.0, metavar="K", help="Of the thermometer.")
+@click.option("--series", type=ZERO_OR_MORE, default=0.0, metavar="OHM", help="Series resistance of the data sheet.")
+@click.option(
+    "--reference-uncertainty", type=ZERO_OR_MORE, default=0.0, metavar="SHARE", help="Of the reference voltage."
+)
+@click.option("--offset-uncertainty", type=ZERO_OR_MORE, default=0.0, metavar="V", help="Of the converter's zero.")
+@click.option("--load-uncertainty", type=ZERO_OR_MORE, default=0.0, metavar="SHARE", help="Of each load.")
+@click.option("--temperature-uncertainty", type=ZERO_OR_MORE, default=0.0, metavar="K", help="Of the thermometer.")
 @plot_option("readings and residuals")
 @export_options
 @JSON

@@ -11,7 +11,7 @@ import click
 
 from hil.cli.analyses.log import Log, obtain
 from hil.cli.analyses.wanted import Wanted, log_options
-from hil.cli.options import JSON, plot_option
+from hil.cli.options import ABOVE_ZERO, JSON, Within, plot_option
 from hil.model.errors import HilError, Refused
 
 if TYPE_CHECKING:
@@ -41,14 +41,14 @@ __all__ = ["psd"]
 @click.option("--confidence", type=float, default=0.68, show_default=True, help="Confidence level of the intervals.")
 @click.option(
     "--false-alarm",
-    type=click.FloatRange(0.0, 1.0, min_open=True, max_open=True),
+    type=Within(0.0, 1.0, min_open=True, max_open=True),
     default=0.01,
     show_default=True,
     help="Probability of finding a line in a column of noise alone.",
 )
 @click.option(
     "--rotation",
-    type=click.FloatRange(min=0.0, min_open=True),
+    type=ABOVE_ZERO,
     metavar="HZ",
     help="Of the rate table, in turns per second; its harmonics are named.",
 )

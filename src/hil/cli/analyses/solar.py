@@ -12,7 +12,7 @@ import click
 
 from hil.cli.analyses.exports import write_exports
 from hil.cli.analyses.log import INCONCLUSIVE, gates_as_json, named_units, refuse_extremes
-from hil.cli.options import JSON, plot_option, unit_option
+from hil.cli.options import ABOVE_ZERO, DEGC, FINITE, JSON, ZERO_OR_MORE, plot_option, unit_option
 from hil.model.errors import HilError, Refused
 
 if TYPE_CHECKING:
@@ -36,17 +36,17 @@ _UNITS = {"voltage": "V", "current": "A", "irradiance": "W/m^2", "temperature": 
 @unit_option("--current-unit", required=True, help="Unit of the currents, such as A or mA.")
 @click.option("--irradiance", metavar="COLUMN", help="Column of irradiances in W/m^2.")
 @click.option("--temperature", metavar="COLUMN", help="Column of the cell's temperatures in degC.")
-@click.option("--to", nargs=2, type=float, metavar="W/M2 DEGC", help="Correct to these conditions, by IEC 60891.")
+@click.option("--to", type=(ABOVE_ZERO, DEGC), metavar="W/M2 DEGC", help="Correct to these conditions, by IEC 60891.")
 @click.option(
     "--procedure", type=click.Choice(["1", "2"]), default="2", help="Procedure of IEC 60891:2021; 2 by default."
 )
-@click.option("--alpha", type=float, default=0.0, help="Change of the current: A/K for procedure 1, 1/K for 2.")
-@click.option("--beta", type=float, default=0.0, help="Change of the voltage: V/K for procedure 1, 1/K for 2.")
-@click.option("--resistance", type=float, default=0.0, metavar="OHM", help="Internal series resistance.")
-@click.option("--kappa", type=float, default=0.0, metavar="OHM/K", help="Curve correction factor.")
-@click.option("--light", type=float, default=0.0, metavar="B1", help="Relative change of voltage over ln(irradiance).")
-@click.option("--nominal-voltage", type=float, metavar="V", help="Open-circuit voltage of the data sheet.")
-@click.option("--nominal-current", type=float, metavar="A", help="Short-circuit current of the data sheet.")
+@click.option("--alpha", type=FINITE, default=0.0, help="Change of the current: A/K for procedure 1, 1/K for 2.")
+@click.option("--beta", type=FINITE, default=0.0, help="Change of the voltage: V/K for procedure 1, 1/K for 2.")
+@click.option("--resistance", type=ZERO_OR_MORE, default=0.0, metavar="OHM", help="Internal series resistance.")
+@click.option("--kappa", type=FINITE, default=0.0, metavar="OHM/K", help="Curve correction factor.")
+@click.option("--light", type=FINITE, default=0.0, metavar="B1", help="Relative change of voltage over ln(irradiance).")
+@click.option("--nominal-voltage", type=ABOVE_ZERO, metavar="V", help="Open-circuit voltage of the data sheet.")
+@click.option("--nominal-current", type=ABOVE_ZERO, metavar="A", help="Short-circuit current of the data sheet.")
 @plot_option("the curve")
 @click.option("--export", type=click.Path(path_type=Path), metavar="FILE", help="Write the corrected points as CSV.")
 @JSON
@@ -98,6 +98,9 @@ def _read(file: Path, asked: Mapping[str, Any]) -> tuple[_Columns, tuple[Gate, .
 
     if asked["to"] and not (asked["irradiance"] and asked["temperature"]):
         raise Refused("--to needs what the curve was measured at", "give --irradiance and --temperature, too")
+    idle = [name for name in _COEFFICIENTS if asked[name] and not asked["to"]]
+    if idle:
+        raise Refused(f"--{idle[0]} corrects the curve, and it is not said to what", "give --to, or leave it out")
     given = [name for name in _UNITS if asked[name]]
     table = read(file, [asked[name] for name in given])
     found = {name: np.ones(len(table.values)) for name in _UNITS}

@@ -9,6 +9,8 @@ from pathlib import Path
 
 import click
 
+from hil.cli.options import Within
+
 __all__ = ["command"]
 
 _MOST_PORTS = 65_535
@@ -17,9 +19,7 @@ _MOST_PORTS = 65_535
 @click.command(name="simulate", epilog="Example: hil simulate adcs --speed 20")
 @click.argument("bench", metavar="BENCH")
 @click.option("--folder", type=click.Path(path_type=Path), help="Folder for the links and the control socket.")
-@click.option(
-    "--speed", type=click.FloatRange(0, 1e6, min_open=True), default=1.0, help="Bench seconds per real second."
-)
+@click.option("--speed", type=Within(0, 1e6, min_open=True), default=1.0, help="Bench seconds per real second.")
 @click.option(
     "--first-port",
     type=click.IntRange(0, _MOST_PORTS),
