@@ -76,3 +76,54 @@ def test_a_kill_after_a_file_was_given_loses_nothing(tmp_path):
     assert (folder / "data/attachments" / photo["file"]["file"]).read_bytes() == PNG
     assert not list((folder / "data/attachments").glob("*.part"))
     assert (verify(folder).findings, replay(package).differences) == ((), ())
+
+
+TWO_CASES = """
+import pytest
+
+@pytest.mark.requirement("T-050")
+def test_missed(operator, supply):
+    operator.attach("A photo of the jig", name="photo", accepts=("picture",))
+    for _ in range(300):
+        supply.coil.voltage()
+    operator.attach("The curve", name="curve", accepts=("csv",))
+
+@pytest.mark.requirement("T-050")
+def test_after_it(check, supply):
+    for _ in range(1000):
+        supply.coil.voltage()
+    check("T-050", "voltage", supply.coil.voltage())
+"""
+
+
+def journal_with(workspace, process, word):
+    """Return the journal of the run once it holds a word."""
+    until = time.monotonic() + 60
+    journal = None
+    while journal is None or word not in journal.read_bytes():
+        assert time.monotonic() < until, process.poll()
+        journal = next(workspace.reports.glob("2*/data/journal.jsonl"), None)
+    return journal
+
+
+def test_a_run_in_which_a_file_could_not_be_taken_is_resumed(tmp_path):
+    """The case of before the kill ends with the reasons that it had, also where the file is there by now."""
+    workspace = make(tmp_path / "workspace", TWO_CASES)
+    prepared(workspace.root, {"photo": "jig.png", "curve": "curve.csv"})
+    answers = (workspace.root / "answers.yaml").read_text().replace("witnesses: {photo: Quinn}\n", "")
+    (workspace.root / "answers.yaml").write_text(answers)
+    process = workspace.start_run("--answers", "answers.yaml")
+    journal_with(workspace, process, b'"kind":"answer"')
+    (workspace.root / "curve.csv").rename(workspace.root / "aside.csv")
+    journal_with(workspace, process, b'"raised":"Unfit"')
+    os.kill(executive(process), signal.SIGKILL)
+    finish(process)
+    (folder,) = workspace.folders()
+    (workspace.root / "aside.csv").rename(workspace.root / "curve.csv")
+    ended = workspace.hil("resume", folder.name, "--answers", "answers.yaml")
+    assert ended.code == 1, ended.out + ended.err
+    package = Package(folder)
+    missed, after = (each for each in bodies(package, "case-end"))
+    assert "curve.csv: there is no such file; check its path" in missed["reasons"][0]
+    assert after["case"].endswith("test_after_it")
+    assert (verify(folder).findings, replay(package).differences) == ((), ())

@@ -10,10 +10,11 @@ from functools import partial
 from pathlib import Path
 
 from hil.bench.binding import bind_replayed
+from hil.evidence.events import Effect
 from hil.evidence.folder import TRANSCRIPT
 from hil.evidence.package.contents import Package
 from hil.evidence.results.outcome import CaseOutcome
-from hil.executive.people.answers import Nobody
+from hil.executive.people.answers import Recorded
 from hil.executive.resuming.beginnings import ReplayedRun
 from hil.executive.resuming.replaying import STOPPED, as_packed, differences, replay_request, unpack
 from hil.executive.session import Session
@@ -127,6 +128,6 @@ def _open_replayed(configuration: Configuration, planned: Sequence[PlannedCase],
         binder=lambda transcript, where: bind_replayed(
             configuration.bench, transcript, record, where, outside=bool(live), speed=speed
         ),
-        answers=lambda *_: Nobody(),
+        answers=lambda *_: Recorded(package.of(Effect)),
         beginning=ReplayedRun(package),
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 from case_parts import Case
 
+from hil.evidence.events import Effect
 from hil.executive.ending.stop import Stopped
 from hil.executive.people.answers import (
     AnswersFile,
@@ -13,12 +14,14 @@ from hil.executive.people.answers import (
     Nobody,
     NobodyLive,
     Prepared,
+    Recorded,
     SimulatedPerson,
     TerminalPerson,
     load_answers,
 )
+from hil.executive.people.files import Unfit
 from hil.executive.people.questions import Answer, Declined, Elsewhere, Question
-from hil.model.errors import ConfigurationError
+from hil.model.errors import ConfigurationError, Refused
 
 CONFIRM = Question(name="jig", form="confirm", text="Closed?")
 SAFETY = Question(name="fuse", form="confirm", text="Is the fuse in?", safety=True)
@@ -295,3 +298,30 @@ def test_who_typed_an_answer_here_gives_a_name_here():
     person = TerminalPerson(terminal, "", lambda: taken.append(elsewhere.take("fuse", "no", "Ada")), elsewhere)
     assert person.answer(SAFETY) == Answer(True, "Bob")
     assert taken == ["'fuse' is not being asked now"]
+
+
+@pytest.mark.parametrize("kind", [Declined, Unfit, Refused])
+def test_a_replay_declines_what_was_declined(kind):
+    """With the same error in the same words, by the names of the questions; everything else is Nobody's."""
+    effects = [
+        Effect(
+            case="c",
+            step="1",
+            name=f"operator.{name}",
+            ordinal=1,
+            effect="asks",
+            arguments={},
+            result=None,
+            raised=raised,
+            why=f"why {name}",
+            hint="what to do",
+        )
+        for name, raised in (("given", ""), ("one", kind.__name__), ("two", kind.__name__))
+    ]
+    source = Recorded(effects)
+    for name in ("one", "two"):
+        with pytest.raises(kind, match=f"why {name}; what to do") as said:
+            source.answer(Question(name=name, form="file", text="A file"))
+        assert type(said.value) is kind
+    with pytest.raises(Declined, match="needs a person"):
+        source.answer(Question(name="two", form="file", text="A file"))

@@ -7,15 +7,17 @@ import hashlib
 import os
 from types import SimpleNamespace
 
+import msgspec
 import pytest
 from case_parts import Case
 from given_files import CSV, JPEG, PDF, PNG, STEP, TEXT, WHOLE, png
 
 from hil.evidence import events
+from hil.evidence.journal.reader import JournalLine
 from hil.executive.cases.effects import Recall
 from hil.executive.ending.stop import Stopped
 from hil.executive.people import files
-from hil.executive.people.answers import AnswersFile, TerminalPerson
+from hil.executive.people.answers import Answered, AnswersFile, Nobody, TerminalPerson
 from hil.executive.people.files import Shelf, Unfit, kinds_of, problem_of, said_path
 from hil.executive.people.questions import Answer, Declined, Elsewhere, Question
 from hil.model.errors import Misused
@@ -350,3 +352,17 @@ def test_a_source_without_a_file_is_declined(tmp_path):
 
     with pytest.raises(Declined, match="'photo' needs a file"):
         Case(tmp_path, answers=Says()).run.operator.attach("Photo", name="photo")
+
+
+def test_a_resumed_run_says_again_why_a_file_was_not_taken(tmp_path):
+    """In the same words, which are in the reasons of its case; nobody is asked again."""
+    case = Case(tmp_path, answers=Gives(tmp_path / "none.png"))
+    with pytest.raises(Unfit) as first:
+        case.run.operator.attach("Photo", name="photo")
+    effect = msgspec.convert(case.written.of("effect")[0], events.Effect)
+    assert (effect.raised, effect.hint) == ("Unfit", "check its path")
+    told = JournalLine(number=1, event=effect, wall={}, raw=b"", rest=b"")
+    again = Answered([told], Nobody(), lambda: True)
+    with pytest.raises(Unfit) as second:
+        again.answer(Question(name="photo", form="file", text="Photo"))
+    assert str(second.value) == str(first.value)

@@ -10,7 +10,15 @@ from hil.model.errors import Refused
 from hil.requirements.parameters import load_parameters
 
 ROOT = Path(__file__).parents[3]
-BOUNDED = ("imu_closure", "imu_lamp", "imu_noise", "imu_vacuum", "magnetometer_calibration", "photodiode", "solar_cells")
+BOUNDED = (
+    "imu_closure",
+    "imu_lamp",
+    "imu_noise",
+    "imu_vacuum",
+    "magnetometer_calibration",
+    "photodiode",
+    "solar_cells",
+)
 BELOW_ZERO = {"degC", "uT", "1", "1/K", "ohm/K"}
 
 

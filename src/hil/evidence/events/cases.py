@@ -127,6 +127,8 @@ class Effect(Event, frozen=True, kw_only=True):
         arguments: the arguments as JSON.
         result: the result as JSON, null if there is none.
         raised: the exception's name if it raised one.
+        why: what that said where a person was asked: nobody is asked again, and it has to be said again.
+        hint: what it said to do next, likewise.
     """
 
     case: str
@@ -137,6 +139,8 @@ class Effect(Event, frozen=True, kw_only=True):
     arguments: Mapping[str, Any]
     result: Any
     raised: str = ""
+    why: str = ""
+    hint: str = ""
 
 
 class Bounds(Part, frozen=True, kw_only=True):

@@ -11,7 +11,7 @@ import msgspec
 
 from hil.evidence import events
 from hil.evidence.events import EventSink
-from hil.model.errors import Diverged
+from hil.model.errors import Diverged, HilError
 from hil.model.figure import decoded, encoded
 from hil.model.provenance import Provenance
 
@@ -167,17 +167,27 @@ class Effects:
             else:
                 result = action()
         except BaseException as error:
-            self._end(asked, recorded, None, type(error).__name__)
+            self._end(asked, recorded, None, error)
             raise
-        self._end(asked, recorded, encoded(result), "")
+        self._end(asked, recorded, encoded(result))
         return result
 
-    def _end(self, asked: events.Effect, recorded: events.Effect | None, told: object, raised: str) -> None:
+    def _end(
+        self,
+        asked: events.Effect,
+        recorded: events.Effect | None,
+        told: object,
+        error: BaseException | None = None,
+    ) -> None:
         """Compare how an effect ended with the record, and write it down."""
+        raised = "" if error is None else type(error).__name__
         if recorded is not None and (told, raised) != (recorded.result, recorded.raised):
             held = recorded.raised or recorded.result
             raise Diverged(f"{_spoken(asked)} gave {raised or told}, but the record holds {held}")
-        self._journal.write(msgspec.structs.replace(asked, result=told, raised=raised))
+        said = ("", "")
+        if asked.effect == "asks" and isinstance(error, HilError):  # all others come again by themselves
+            said = (error.message, error.hint)
+        self._journal.write(msgspec.structs.replace(asked, result=told, raised=raised, why=said[0], hint=said[1]))
 
 
 def _arguments(arguments: Mapping[str, object]) -> dict[str, object]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Protocol
@@ -31,7 +31,7 @@ from hil.executive.people.questions import (
     understood,
     witness_problem,
 )
-from hil.model.errors import Diverged
+from hil.model.errors import Diverged, HilError, Refused
 from hil.model.notation import UNWRITTEN, AnyText, Text
 
 __all__ = [
@@ -46,6 +46,7 @@ __all__ = [
     "NobodyLive",
     "Prepared",
     "Prompt",
+    "Recorded",
     "SimulatedPerson",
     "TerminalPerson",
     "load_answers",
@@ -61,7 +62,7 @@ Answering = Callable[[BoundBench, Callable[[], None], Elsewhere], AnswerSource]
 
 _SCHEMA = "hil/answers/1"
 _SOMEBODY = "person at the terminal"
-_DECLINED = frozenset({Declined.__name__, Unfit.__name__})
+_DECLINED: Mapping[str, type[HilError]] = {each.__name__: each for each in (Declined, Unfit, Refused)}
 _CONFIRMS = Question(name="witness", form="confirm", text="")
 
 
@@ -344,8 +345,7 @@ class Answered:
             return self._source.answer(question)
         told = self._told.popleft()
         if not isinstance(told, Given):
-            error = Unfit if isinstance(told, Effect) and told.raised == Unfit.__name__ else Declined
-            raise error(f"'{question.name}' was declined before the run was interrupted", "see the run's journal")
+            raise _again(told, question)
         if told.name != question.name:
             raise Diverged(f"the case asks '{question.name}', but its journal holds an answer to '{told.name}'")
         if told.by == SIMULATED_PERSON and self._goes_on():
@@ -353,6 +353,36 @@ class Answered:
         return Answer(told.value, told.by, file=told.file, witness=told.witness)
 
 
+class Recorded:
+    """Nobody, in a replay: the record answers by itself, and what nobody answered there is declined again.
+
+    Args:
+        effects: those of the record.
+    """
+
+    def __init__(self, effects: Iterable[Effect]) -> None:
+        self._declined = [each for each in effects if each.effect == "asks" and each.raised]
+
+    def answer(self, question: Question) -> Answer:
+        """Decline, as it was declined then."""
+        for place, each in enumerate(self._declined):
+            if each.name == f"operator.{question.name}":
+                del self._declined[: place + 1]
+                raise _again(each, question)
+        return Nobody().answer(question)
+
+
+def _again(told: Event, question: Question) -> HilError:
+    """Return the error with which nobody answered then; what it said is in the reasons of its case."""
+    effect = told if isinstance(told, Effect) else None
+    kind = _DECLINED.get(effect.raised, Declined) if effect else Declined
+    if effect and effect.why:
+        return kind(effect.why, effect.hint)
+    return kind(f"'{question.name}' was declined before the run was interrupted", "see the run's journal")
+
+
 def _is_answer(event: Event) -> bool:
-    declined = isinstance(event, Effect) and event.effect == "asks" and event.raised in _DECLINED
+    declined = (
+        isinstance(event, Effect) and event.effect == "asks" and event.raised in {Declined.__name__, Unfit.__name__}
+    )
     return declined or isinstance(event, Given)
