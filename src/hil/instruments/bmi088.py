@@ -11,7 +11,6 @@ first, in steps of 1/8 K from 23 degC.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
@@ -23,6 +22,7 @@ from hil.instruments import settings
 from hil.instruments.sampled import Channel
 from hil.instruments.sensors.axes import Axes, Sampling, three_axes
 from hil.instruments.sensors.fifo import Fifo, Packets
+from hil.instruments.sensors.filters import BUTTERWORTH
 from hil.instruments.sensors.recorder import FifoSensor
 from hil.instruments.sensors.registers import Registers
 from hil.instruments.sensors.scale import Scale
@@ -70,7 +70,6 @@ _GYRO_NOISE, _ACC_NOISE = 0.014, 190e-6  # deg/s/sqrt(Hz) and g/sqrt(Hz), one-si
 _STANDARD_GRAVITY = 9.80665
 _HALF = 32768
 _RAILS = (-_HALF, _HALF - 1)
-_BUTTERWORTH = math.pi / 4 / math.sin(math.pi / 4)  # noise bandwidth over -3 dB bandwidth
 
 _CELSIUS = Scale(per_unit=256.0, zero=23.0, rails=(((-45 - 23) * 256), ((95 - 23) * 256)))
 """The package's temperature, for which it is made from -40 to 85 degC; 8000h says that there is none."""
@@ -154,36 +153,34 @@ class Bmi088Accelerometer(Axes):
     def __init__(self, registers: Registers, clock: Clock, wire: Wire) -> None:
         own = settings.read(wire, Bmi088AccelerometerSettings)
         code, cut_off = _ACC_FILTERS[own.rate]
-        per_g = _HALF / own.range
         self._settings = {_ACC_CONF: _NORMAL_FILTER | code, _ACC_RANGE: _ACCELERATIONS[own.range]}
-        bandwidth = cut_off * _BUTTERWORTH
         sampling = Sampling(
             rate=own.rate,
-            axes=Scale(per_unit=per_g, factor=_STANDARD_GRAVITY, rails=_RAILS),
+            axes=Scale(per_unit=_HALF / own.range, factor=_STANDARD_GRAVITY, rails=_RAILS),
             temperature=_CELSIUS,
             order="little",
             temperature_order="big",
-            noise=_ACC_NOISE * math.sqrt(bandwidth) * per_g,
+            full_scale=own.range * _STANDARD_GRAVITY,
+            density=_ACC_NOISE,
+            bandwidth=cut_off * BUTTERWORTH,
             awake=_ACC_ON,
         )
-        full_scale = own.range * _STANDARD_GRAVITY
-        super().__init__(registers, clock, wire, sampling, full_scale=full_scale, bandwidth=bandwidth)
+        super().__init__(registers, clock, wire, sampling)
 
     def _wake(self) -> None:
         """Reset the die, unless the gyroscope has its temperature from it; resume it, set it up, read all back."""
-        if not _needed(self, "gyroscope"):
+        if not self._others_run():
             self._registers.write(_ACC_SOFTRESET, _SOFT_RESET)
             self._clock.sleep(_ACC_RESET_S)
         _resume(self._registers, self._clock)
-        self._registers.set(self._settings)
-        self._registers.expect(self._settings)
+        self._registers.put(self._settings)
         self._clock.sleep(self._sampling.period)
         self._wait_until_valid(_ACC_START_S, f"{_ACC_START_S} s after the accelerometer was switched on")
 
     def _sleep(self) -> None:
         """Suspend the die and read that back, unless the gyroscope has its temperature from it."""
-        if not _needed(self, "gyroscope"):
-            _suspend(self._registers)
+        if not self._others_run():
+            self._registers.put(_ACC_OFF)
 
 
 class Bmi088Gyroscope(FifoSensor):
@@ -217,18 +214,18 @@ class Bmi088Gyroscope(FifoSensor):
             _GYRO_BANDWIDTH: _BANDWIDTH_ONE | _GYRO_FILTERS[own.rate, cut_off],
             _GYRO_LPM1: _NORMAL,
         }
-        bandwidth = cut_off * _BUTTERWORTH
-        per_unit = _HALF / own.range
         sampling = Sampling(
             rate=own.rate,
-            axes=Scale(per_unit=per_unit, rails=_RAILS),
+            axes=Scale(per_unit=_HALF / own.range, rails=_RAILS),
             temperature=_CELSIUS,
             order="little",
             temperature_order="big",
-            noise=_GYRO_NOISE * math.sqrt(bandwidth) * per_unit,
+            full_scale=own.range,
+            density=_GYRO_NOISE,
+            bandwidth=cut_off * BUTTERWORTH,
             awake={register: self._settings[register] for register in (_GYRO_LPM1, _GYRO_RANGE, _GYRO_BANDWIDTH)},
         )
-        super().__init__(registers, clock, wire, sampling, full_scale=own.range, bandwidth=bandwidth)
+        super().__init__(registers, clock, wire, sampling)
 
     @property
     def _thermal(self) -> Registers:
@@ -250,16 +247,15 @@ class Bmi088Gyroscope(FifoSensor):
         self._registers.set(self._settings)
         self._clock.sleep(_GYRO_START_S)
         self._registers.expect(self._settings)
-        if not _needed(self, "accelerometer"):
+        if not self._others_run():
             _resume(self._thermal, self._clock)
         self._wait_until_valid(_ACC_START_S, f"{_GYRO_START_S} s after the gyroscope was set")
 
     def _sleep(self) -> None:
         """Suspend this die, and the other one unless the accelerometer runs; read that back."""
-        self._registers.write(_GYRO_LPM1, _SUSPENDED)
-        self._registers.expect({_GYRO_LPM1: _SUSPENDED})
-        if not _needed(self, "accelerometer"):
-            _suspend(self._thermal)
+        self._registers.put({_GYRO_LPM1: _SUSPENDED})
+        if not self._others_run():
+            self._thermal.put(_ACC_OFF)
 
 
 class Bmi088(SensorDriver):
@@ -273,11 +269,6 @@ class Bmi088(SensorDriver):
     others: ClassVar[tuple[type[Sensor], ...]] = (Bmi088Gyroscope,)
 
 
-def _needed(sensor: Sensor, role: str) -> bool:
-    """Return whether the sensor on the other die runs."""
-    return role in sensor.beside and sensor.beside[role].running
-
-
 def _resume(registers: Registers, clock: Clock) -> None:
     """Switch the accelerometer's die on, and read that back."""
     for register, value in _ACC_ON.items():
@@ -285,9 +276,3 @@ def _resume(registers: Registers, clock: Clock) -> None:
         clock.sleep(_ACC_RESUME_S)
     clock.sleep(_ACC_START_S)
     registers.expect(_ACC_ON)
-
-
-def _suspend(registers: Registers) -> None:
-    """Switch it off, and read that back."""
-    registers.set(_ACC_OFF)
-    registers.expect(_ACC_OFF)

@@ -20,6 +20,7 @@ from hil.clock.port import Clock
 from hil.instruments import settings
 from hil.instruments.sampled import Channel
 from hil.instruments.sensors.axes import Sampling, three_axes
+from hil.instruments.sensors.filters import BUTTERWORTH
 from hil.instruments.sensors.registers import Banks, Registers
 from hil.instruments.sensors.scale import Scale
 from hil.instruments.sensors.sensor import Chip, Sensor, SensorDriver
@@ -64,7 +65,6 @@ _ACCEL_CUT_OFFS = (7.81, 15.63, 31.25, 62.5, 125.0, 250.0, 500.0, 1000.0)
 _MAG_RATES = (2.0, 6.0, 8.0, 10.0, 15.0, 20.0, 25.0, 30.0)
 _REGULAR = 0b01 << 3
 _MAG_RANGE = 1300.0  # of x and y; z has more
-_NOISE_PER_CUT_OFF = math.pi / math.sqrt(8)  # of a filter of second order
 _GYRO_NOISE, _ACCEL_NOISE = 0.014, 150e-6 * _GRAVITY  # one-sided, typical: deg/s/sqrt(Hz), m/s2/sqrt(Hz)
 _CELSIUS = Scale(per_unit=1.0, rails=(-41, 86))
 
@@ -105,17 +105,25 @@ def _chip(role: str) -> Chip:
     )
 
 
+def _sampling(per_unit: float, full_scale: float, *, rate: float, density: float, bandwidth: float) -> Sampling:
+    """Return how a sensor samples, whose readings stop at the ends of its range."""
+    rail = round(full_scale * per_unit)
+    return Sampling(
+        rate=rate,
+        axes=Scale(per_unit=per_unit, rails=(-rail, rail)),
+        temperature=_CELSIUS,
+        order="little",
+        full_scale=full_scale,
+        density=density,
+        bandwidth=bandwidth,
+        awake={},
+    )
+
+
 class _Bno055(TimedSensor):
     """One of its sensors. All that are wired are set when the first of them starts; another one only joins in."""
 
-    def __init__(
-        self, registers: Registers, clock: Clock, wire: Wire, own: Mapping[int, int], axes: Scale, **given: float
-    ) -> None:
-        self.own = own
-        sampling = Sampling(
-            rate=given["rate"], axes=axes, temperature=_CELSIUS, order="little", noise=given["noise"], awake={}
-        )
-        super().__init__(registers, clock, wire, sampling, full_scale=given["full_scale"], bandwidth=given["bandwidth"])
+    own: Mapping[int, int]
 
     def _identify(self) -> None:
         """Ask for its name; it answers 650 ms after power-on only."""
@@ -130,14 +138,13 @@ class _Bno055(TimedSensor):
 
     def _wake(self) -> None:
         """Set the chip in CONFIGMODE unless another sensor in it runs, read all back, and let samples come."""
-        if not self._die_runs():
+        if not self._others_run():
             self._switch(_CONFIG, _TO_CONFIG_S)
             wanted = dict(_COMMON)
             for each in self.beside.values():
                 wanted |= each.own if isinstance(each, _Bno055) else {}
             wanted |= self.own
-            self._registers.set(wanted)
-            self._registers.expect(wanted)
+            self._registers.put(wanted)
             self._switch(self._mode, _FROM_CONFIG_S)
         self._judge_anew()
         self._clock.sleep(2.0 * self._sampling.period)  # nothing says that a sample is there
@@ -145,10 +152,9 @@ class _Bno055(TimedSensor):
 
     def _sleep(self) -> None:
         """Suspend the chip unless another sensor in it runs, and read that back."""
-        if not self._die_runs():
+        if not self._others_run():
             self._switch(_CONFIG, _TO_CONFIG_S)
-            self._registers.write(Register.PWR_MODE, _SUSPENDED)
-            self._registers.expect({Register.PWR_MODE: _SUSPENDED})
+            self._registers.put({Register.PWR_MODE: _SUSPENDED})
 
     @property
     def _mode(self) -> int:
@@ -210,18 +216,10 @@ class Bno055Gyroscope(_Bno055):
     def __init__(self, registers: Registers, clock: Clock, wire: Wire) -> None:
         own = settings.read(wire, GyroscopeSettings)
         code = _GYRO_CUT_OFFS.index(own.bandwidth) << 3 | _GYRO_RANGES.index(own.range)
-        rail, bandwidth = round(own.range * 16), own.bandwidth * _NOISE_PER_CUT_OFF
-        super().__init__(
-            registers,
-            clock,
-            wire,
-            {Register.GYR_CONFIG_0: code, Register.GYR_CONFIG_1: 0},
-            Scale(per_unit=16.0, rails=(-rail, rail)),
-            rate=_RATE,
-            noise=_GYRO_NOISE * math.sqrt(bandwidth) * 16,
-            full_scale=own.range,
-            bandwidth=bandwidth,
-        )
+        self.own = {Register.GYR_CONFIG_0: code, Register.GYR_CONFIG_1: 0}
+        bandwidth = own.bandwidth * BUTTERWORTH
+        sampling = _sampling(16.0, own.range, rate=_RATE, density=_GYRO_NOISE, bandwidth=bandwidth)
+        super().__init__(registers, clock, wire, sampling)
 
 
 class Bno055Accelerometer(_Bno055):
@@ -234,19 +232,10 @@ class Bno055Accelerometer(_Bno055):
     def __init__(self, registers: Registers, clock: Clock, wire: Wire) -> None:
         own = settings.read(wire, AccelerometerSettings)
         code = _ACCEL_CUT_OFFS.index(own.bandwidth) << 2 | _ACCEL_RANGES.index(own.range)
-        full_scale, bandwidth = own.range * _GRAVITY, own.bandwidth * _NOISE_PER_CUT_OFF
-        rail = round(full_scale * 100)
-        super().__init__(
-            registers,
-            clock,
-            wire,
-            {Register.ACC_CONFIG: code},
-            Scale(per_unit=100.0, rails=(-rail, rail)),
-            rate=_RATE,
-            noise=_ACCEL_NOISE * math.sqrt(bandwidth) * 100,
-            full_scale=full_scale,
-            bandwidth=bandwidth,
-        )
+        self.own = {Register.ACC_CONFIG: code}
+        bandwidth = own.bandwidth * BUTTERWORTH
+        sampling = _sampling(100.0, own.range * _GRAVITY, rate=_RATE, density=_ACCEL_NOISE, bandwidth=bandwidth)
+        super().__init__(registers, clock, wire, sampling)
 
 
 class Bno055Magnetometer(_Bno055):
@@ -258,18 +247,9 @@ class Bno055Magnetometer(_Bno055):
 
     def __init__(self, registers: Registers, clock: Clock, wire: Wire) -> None:
         rate = settings.read(wire, MagnetometerSettings).rate
-        rail = round(_MAG_RANGE * 16)
-        super().__init__(
-            registers,
-            clock,
-            wire,
-            {Register.MAG_CONFIG: _REGULAR | _MAG_RATES.index(rate)},
-            Scale(per_unit=16.0, rails=(-rail, rail)),
-            rate=rate,
-            noise=math.inf,
-            full_scale=_MAG_RANGE,
-            bandwidth=rate / 2,
-        )
+        self.own = {Register.MAG_CONFIG: _REGULAR | _MAG_RATES.index(rate)}
+        sampling = _sampling(16.0, _MAG_RANGE, rate=rate, density=math.inf, bandwidth=rate / 2)
+        super().__init__(registers, clock, wire, sampling)
 
 
 class Bno055(SensorDriver):

@@ -10,29 +10,29 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Annotated, ClassVar, TypeVar, cast
+from typing import Annotated, ClassVar
 
 import numpy as np
 
 from hil.clock.port import Clock
 from hil.instruments import settings
 from hil.instruments.sampled import Channel
-from hil.instruments.sensors.axes import Axes, Field, Sampling, three_axes
+from hil.instruments.sensors.axes import Field, Sampling, three_axes
+from hil.instruments.sensors.behind import Behind, Condition
 from hil.instruments.sensors.fifo import Fifo, Packets
+from hil.instruments.sensors.filters import Filters
 from hil.instruments.sensors.recorder import FifoSensor
 from hil.instruments.sensors.registers import Banks, Registers
 from hil.instruments.sensors.scale import Scale
 from hil.instruments.sensors.sensor import Chip, Sensor, SensorDriver
+from hil.instruments.sensors.shared_die import SharedDie
 from hil.model.bench import Wire
-from hil.model.errors import NoReply
 from hil.model.notation import measured
 
 __all__ = ["Icm20948", "Icm20948Accelerometer", "Icm20948Gyroscope", "Icm20948Magnetometer"]
-
-_T = TypeVar("_T")
 
 
 class Register(IntEnum):
@@ -55,25 +55,26 @@ _DEVICE_RESET, _ASLEEP, _AWAKE = 0x80, 0x41, 0x01
 _RESET_S = 0.1
 _START_UP_S = 0.035
 _NEW = 0x01
-_BYPASS = 0x02
-_REACHABLE: Mapping[int, int] = {Register.PWR_MGMT_1: _AWAKE, Register.USER_CTRL: 0, Register.INT_PIN_CFG: _BYPASS}
-"""What the first die must hold for the magnetometer to be there; the FIFO's bit of USER_CTRL does not matter."""
-_FIFO_ON = 0x40
-_MEANING: Mapping[int, str] = {
-    Register.PWR_MGMT_1: "the chip sleeps",
-    Register.USER_CTRL: "I2C_MST_EN must be off",
-    Register.INT_PIN_CFG: "BYPASS_EN is not set",
-}
+_BYPASS, _FIFO_ON = 0x02, 0x40
+_WAY = (
+    Condition(register=Register.PWR_MGMT_1, value=_AWAKE, otherwise="the chip sleeps"),
+    Condition(register=Register.USER_CTRL, value=0, bits=0xFF & ~_FIFO_ON, otherwise="I2C_MST_EN must be off"),
+    Condition(register=Register.INT_PIN_CFG, value=_BYPASS, otherwise="BYPASS_EN is not set"),
+)
+"""What the first die must hold for the magnetometer to be there."""
 
 _BASE_RATE = 1125.0
 _RATES = tuple(_BASE_RATE / divisor for divisor in (250, 125, 90, 50, 25, 15, 10, 9, 5))
 _GYRO_RANGES = {250.0: (0, 131.0), 500.0: (1, 65.5), 1000.0: (2, 32.8), 2000.0: (3, 16.4)}
 _ACCEL_RANGES = {2.0: (0, 16384.0), 4.0: (1, 8192.0), 8.0: (2, 4096.0), 16.0: (3, 2048.0)}
-# By code: bandwidth at -3 dB, noise bandwidth [Hz]. Code 0 of the accelerometer is as 1.
-_GYRO_CUT_OFFS = (196.6, 151.8, 119.5, 51.2, 23.9, 11.6, 5.7, 361.4)
-_GYRO_BANDWIDTHS = (229.8, 187.6, 154.3, 73.3, 35.9, 17.8, 8.9, 376.5)
-_ACCEL_CUT_OFFS = (246.0, 246.0, 111.4, 50.4, 23.9, 11.5, 5.7, 473.0)
-_ACCEL_BANDWIDTHS = (265.0, 265.0, 136.0, 68.8, 34.4, 17.0, 8.3, 499.0)
+_GYRO_FILTERS = Filters(
+    cut_offs=(196.6, 151.8, 119.5, 51.2, 23.9, 11.6, 5.7, 361.4),
+    bandwidths=(229.8, 187.6, 154.3, 73.3, 35.9, 17.8, 8.9, 376.5),
+)
+_ACCEL_FILTERS = Filters(  # code 0 is as 1
+    cut_offs=(246.0, 246.0, 111.4, 50.4, 23.9, 11.5, 5.7, 473.0),
+    bandwidths=(265.0, 265.0, 136.0, 68.8, 34.4, 17.0, 8.3, 499.0),
+)
 _GYRO_NOISE, _ACCEL_NOISE = 0.015, 230e-6  # one-sided, typical: deg/s/sqrt(Hz), g/sqrt(Hz)
 _GRAVITY = 9.80665  # m/s2 of a g
 _RAILS = (-32768, 32767)
@@ -124,7 +125,7 @@ class GyroscopeSettings:
 
     range: Annotated[float, measured("deg/s", choices=tuple(_GYRO_RANGES))] = 2000.0
     rate: Annotated[float, measured("Hz", choices=_RATES)] = 112.5
-    bandwidth: Annotated[float | None, measured("Hz", choices=_GYRO_CUT_OFFS)] = None
+    bandwidth: Annotated[float | None, measured("Hz", choices=_GYRO_FILTERS.cut_offs)] = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -133,7 +134,7 @@ class AccelerometerSettings:
 
     range: Annotated[float, measured("g", choices=tuple(_ACCEL_RANGES))] = 16.0
     rate: Annotated[float, measured("Hz", choices=_RATES)] = 112.5
-    bandwidth: Annotated[float | None, measured("Hz", choices=_ACCEL_CUT_OFFS)] = None
+    bandwidth: Annotated[float | None, measured("Hz", choices=_ACCEL_FILTERS.cut_offs)] = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -155,50 +156,31 @@ def _chip(role: str) -> Chip:
     )
 
 
-def _code(cut_offs: Sequence[float], rate: float, wanted: float | None) -> int:
-    """Return the code of a filter: the one that is wanted, or the widest up to half the rate."""
-    widest = max((each for each in cut_offs if each <= rate / 2), default=min(cut_offs))
-    return cut_offs.index(widest if wanted is None else wanted)
+class _FirstDie(SharedDie):
+    """Gyroscope or accelerometer, which share a die."""
 
-
-def _others_run(sensor: Sensor) -> bool:
-    """Return whether another sensor of the chip runs, of either die."""
-    return any(each.running for each in sensor.beside.values() if each is not sensor)
-
-
-class _FirstDie(Axes):
-    """Gyroscope or accelerometer, which share a die; a sample is one that was not read yet."""
-
+    reset: ClassVar[tuple[int, int, float]] = (Register.PWR_MGMT_1, _DEVICE_RESET, _RESET_S)
+    fresh: ClassVar[tuple[int, int]] = (Register.INT_STATUS_1, _NEW)
     temperature_at: ClassVar[int] = Register.TEMP_OUT
     together: ClassVar[bool] = True
     _settings: Mapping[int, int]
 
     def _wake(self) -> None:
         """Reset the chip unless another sensor in it runs, set this one, read all back, and wait for a sample."""
-        if not _others_run(self):
-            self._registers.write(Register.PWR_MGMT_1, _DEVICE_RESET)
-            self._clock.sleep(_RESET_S)
-            self._registers.bank_lost()
-        values = {**_REACHABLE, Register.PWR_MGMT_2: 0, **self._settings}
+        self._reset_alone()
+        values: dict[int, int] = {each.register: each.value for each in _WAY}
+        values |= {Register.PWR_MGMT_2: 0, **self._settings}
         self._registers.set(values)
         self._clock.sleep(_START_UP_S)
         self._registers.expect(values)
         self._judge_anew()
-        self._registers.read(Register.INT_STATUS_1)  # takes away the flag of a sample from before
+        self._is_fresh()  # takes away the flag of a sample from before
         self._await_sample()
 
     def _sleep(self) -> None:
         """Put the chip to sleep unless another sensor in it runs, and read that back."""
-        if not _others_run(self):
-            self._registers.write(Register.PWR_MGMT_1, _ASLEEP)
-            self._registers.expect({Register.PWR_MGMT_1: _ASLEEP})
-
-    def _sample(self) -> tuple[float, ...]:
-        self._await_sample()
-        return super()._sample()
-
-    def _await_sample(self) -> None:
-        self._await_new(lambda: bool(self._registers.read(Register.INT_STATUS_1) & _NEW), self._sampling.rate)
+        if not self._others_run():
+            self._registers.put({Register.PWR_MGMT_1: _ASLEEP})
 
 
 class Icm20948Gyroscope(_FirstDie, FifoSensor):
@@ -212,8 +194,7 @@ class Icm20948Gyroscope(_FirstDie, FifoSensor):
     def __init__(self, registers: Registers, clock: Clock, wire: Wire) -> None:
         own = settings.read(wire, GyroscopeSettings)
         code, sensitivity = _GYRO_RANGES[own.range]
-        filtered = _code(_GYRO_CUT_OFFS, own.rate, own.bandwidth)
-        bandwidth = _GYRO_BANDWIDTHS[filtered]
+        filtered = _GYRO_FILTERS.code(own.rate, own.bandwidth)
         self._settings = {
             Register.GYRO_SMPLRT_DIV: round(_BASE_RATE / own.rate) - 1,
             Register.GYRO_CONFIG_1: filtered << 3 | code << 1 | 1,
@@ -223,10 +204,12 @@ class Icm20948Gyroscope(_FirstDie, FifoSensor):
             axes=Scale(per_unit=sensitivity, rails=_RAILS),
             temperature=_CELSIUS,
             order="big",
-            noise=_GYRO_NOISE * math.sqrt(bandwidth) * sensitivity,
+            full_scale=own.range,
+            density=_GYRO_NOISE,
+            bandwidth=_GYRO_FILTERS.bandwidths[filtered],
             awake={Register.PWR_MGMT_1: _AWAKE, Register.USER_CTRL: _FIFO_ON},
         )
-        super().__init__(registers, clock, wire, sampling, full_scale=own.range, bandwidth=bandwidth)
+        super().__init__(registers, clock, wire, sampling)
 
 
 class Icm20948Accelerometer(_FirstDie):
@@ -239,8 +222,7 @@ class Icm20948Accelerometer(_FirstDie):
     def __init__(self, registers: Registers, clock: Clock, wire: Wire) -> None:
         own = settings.read(wire, AccelerometerSettings)
         code, sensitivity = _ACCEL_RANGES[own.range]
-        filtered = _code(_ACCEL_CUT_OFFS, own.rate, own.bandwidth)
-        bandwidth = _ACCEL_BANDWIDTHS[filtered]
+        filtered = _ACCEL_FILTERS.code(own.rate, own.bandwidth)
         self._settings = {
             Register.ACCEL_SMPLRT_DIV_1: 0,
             Register.ACCEL_SMPLRT_DIV_2: round(_BASE_RATE / own.rate) - 1,
@@ -251,14 +233,15 @@ class Icm20948Accelerometer(_FirstDie):
             axes=Scale(per_unit=sensitivity, factor=_GRAVITY, rails=_RAILS),
             temperature=_CELSIUS,
             order="big",
-            noise=_ACCEL_NOISE * math.sqrt(bandwidth) * sensitivity,
+            full_scale=own.range * _GRAVITY,
+            density=_ACCEL_NOISE,
+            bandwidth=_ACCEL_FILTERS.bandwidths[filtered],
             awake={},
         )
-        full_scale = own.range * _GRAVITY
-        super().__init__(registers, clock, wire, sampling, full_scale=full_scale, bandwidth=bandwidth)
+        super().__init__(registers, clock, wire, sampling)
 
 
-class Icm20948Magnetometer(Field):
+class Icm20948Magnetometer(Behind, Field):
     """Its magnetometer, an AK09916 with registers of its own; a sample is one that was not read yet.
 
     The temperature is that of the first die.
@@ -275,45 +258,26 @@ class Icm20948Magnetometer(Field):
         second=True,
         hidden=True,
     )
+    first: ClassVar[Chip] = _chip("magnetometer")
+    way: ClassVar[tuple[Condition, ...]] = _WAY
+    first_asleep: ClassVar[Mapping[int, int]] = {Register.PWR_MGMT_1: _ASLEEP}
 
     def __init__(self, registers: Registers, clock: Clock, wire: Wire) -> None:
-        self._first_die = cast("Registers", registers.other)
         rate = settings.read(wire, MagnetometerSettings).rate
         axes = Scale(per_unit=1.0, factor=_MAG_LSB, rails=(-_MAG_MOST, _MAG_MOST))
         full_scale = _MAG_LSB * _MAG_MOST
         super().__init__(registers, clock, wire, rate=rate, axes=axes, full_scale=full_scale, noise=_MAG_NOISE)
 
-    def _identify(self) -> None:
-        """Open the way to the magnetometer, then ask for its name; the first die must be the right one, too."""
-        self._require_name(self._first_die, _chip("magnetometer"))
-        if not _others_run(self):
-            self._first_die.set(_REACHABLE)
-        self._reached(super()._identify)
-
     def _wake(self) -> None:
         """Reset the magnetometer, set its rate, read it back, and wait for the first sample."""
-        mode: dict[int, int] = {MagnetometerRegister.CNTL2: _MAG_RATES[self._rate]}
         self._registers.write(MagnetometerRegister.CNTL3, _SOFT_RESET)
         self._clock.sleep(_MAG_RESET_S)
-        self._registers.set(mode)
-        self._registers.expect(mode)
+        self._registers.put({MagnetometerRegister.CNTL2: _MAG_RATES[self._rate]})
         self._judge_anew()
         self._await_sample()
 
-    def _sleep(self) -> None:
-        """Put the magnetometer to sleep, and the first die unless a sensor of it runs; read that back."""
-        off: dict[int, int] = {MagnetometerRegister.CNTL2: _OFF}
-
-        def switch_off() -> None:
-            self._registers.set(off)
-            self._registers.expect(off)
-
-        if not _others_run(self):
-            self._first_die.set(_REACHABLE)  # it may sleep already
-        self._reached(switch_off)
-        if not _others_run(self):
-            self._first_die.write(Register.PWR_MGMT_1, _ASLEEP)
-            self._first_die.expect({Register.PWR_MGMT_1: _ASLEEP})
+    def _switch_off(self) -> None:
+        self._registers.put({MagnetometerRegister.CNTL2: _OFF})
 
     def _sample(self) -> tuple[float, ...]:
         data = self._reached(self._await_sample)
@@ -337,23 +301,6 @@ class Icm20948Magnetometer(Field):
 
         self._await_new(is_new, self._rate)
         return data
-
-    def _reached(self, transfer: Callable[[], _T]) -> _T:
-        """Transfer with the magnetometer; where it does not acknowledge, say what of the first die keeps it away."""
-        try:
-            return transfer()
-        except NoReply as fault:
-            for register, wanted in _REACHABLE.items():
-                found = self._first_die.read(register) & ~(_FIFO_ON if register == Register.USER_CTRL else 0)
-                if found != wanted:
-                    name = Register(register).name
-                    raise NoReply(
-                        self._device,
-                        f"its magnetometer cannot be reached: {name} is {found:#04x}, which must be {wanted:#04x}"
-                        f" ({_MEANING[register]})",
-                        "start it again, and look what else writes to the sensor",
-                    ) from fault
-            raise
 
 
 class Icm20948(SensorDriver):

@@ -194,17 +194,18 @@ class Iim42652Gyroscope(FifoSensor):
             Register.PWR_MGMT0: _GYRO_ON,
         }
         angle = math.pi / (2 * _ORDER)  # of a Butterworth filter, whose noise bandwidth is wider by angle / sin(angle)
-        bandwidth = cut_off * angle / math.sin(angle)
         sampling = Sampling(
             rate=rate,
             axes=Scale(per_unit=sensitivity, rails=(-_RAIL, _RAIL)),
             temperature=CELSIUS,
             order="big",
-            noise=_NOISE_DENSITY * math.sqrt(bandwidth) * sensitivity,
+            full_scale=own.range,
+            density=_NOISE_DENSITY,
+            bandwidth=cut_off * angle / math.sin(angle),
             awake={Register.PWR_MGMT0: _GYRO_ON},
             line=own.line,
         )
-        super().__init__(registers, clock, wire, sampling, full_scale=own.range, bandwidth=bandwidth)
+        super().__init__(registers, clock, wire, sampling)
 
     def _wake(self) -> None:
         """Reset the sensor, set it up, switch the gyroscope on, read all back, and wait for valid data."""
@@ -220,8 +221,7 @@ class Iim42652Gyroscope(FifoSensor):
 
     def _sleep(self) -> None:
         """Switch the gyroscope off and read it back."""
-        self._registers.write(Register.PWR_MGMT0, 0)
-        self._registers.expect({Register.PWR_MGMT0: 0})
+        self._registers.put({Register.PWR_MGMT0: 0})
 
 
 class Iim42652(SensorDriver):

@@ -14,7 +14,6 @@ thermometer: that is on the other die, which measures only while something there
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Annotated, ClassVar
@@ -25,12 +24,14 @@ from hil.clock.port import Clock
 from hil.instruments import settings
 from hil.instruments.lis3mdl import Lis3mdlMagnetometer
 from hil.instruments.sampled import Channel
-from hil.instruments.sensors.axes import Axes, Sampling, three_axes
+from hil.instruments.sensors.axes import Sampling, three_axes
 from hil.instruments.sensors.fifo import Fifo, Packets
+from hil.instruments.sensors.filters import BUTTERWORTH
 from hil.instruments.sensors.recorder import FifoSensor
 from hil.instruments.sensors.registers import Registers
 from hil.instruments.sensors.scale import Scale
 from hil.instruments.sensors.sensor import Chip, Sensor, SensorDriver
+from hil.instruments.sensors.shared_die import SharedDie
 from hil.model.bench import Wire
 from hil.model.errors import Refused
 from hil.model.notation import measured
@@ -64,7 +65,6 @@ _TEN_HERTZ = 1 << 5
 _GYRO_NOISE, _ACCEL_NOISE = 0.007, 90e-6  # deg/s/sqrt(Hz) and g/sqrt(Hz)
 _STANDARD_GRAVITY = 9.80665
 _RAILS = (-32768, 32767)
-_BUTTERWORTH = math.pi / 4 / math.sin(math.pi / 4)  # noise bandwidth over -3 dB bandwidth
 _CELSIUS = Scale(per_unit=16.0, zero=25.0, rails=(-(45 + 25) * 16, (95 - 25) * 16))  # made for -40 to 85 degC
 
 _INERTIAL = Chip(
@@ -118,16 +118,15 @@ class Lsm9ds1AccelerometerSettings:
     rate: Annotated[float, measured("Hz", choices=tuple(_ACCEL_RATES))] = 119.0
 
 
-class _Inertial(Axes):
+class _Inertial(SharedDie):
     """One of the two sensors on the first die. Its class names what is its own.
 
     Attributes:
         control: its register, which is 0 while it rests.
-        fresh: its bit of the status.
     """
 
     control: ClassVar[int]
-    fresh: ClassVar[int]
+    reset: ClassVar[tuple[int, int, float]] = (_CTRL_REG8, _RESET, _RESET_S)
     temperature_at: ClassVar[int] = _OUT_TEMP
     controls: int
 
@@ -140,9 +139,7 @@ class _Inertial(Axes):
                     f" {other.rate:g} Hz",
                     "give both wires the same rate; to 14.9 Hz belong 10 Hz of the accelerometer, to 59.5 Hz 50 Hz",
                 )
-        if not any(each.running for each in self.beside.values()):
-            self._registers.write(_CTRL_REG8, _RESET)
-            self._clock.sleep(_RESET_S)
+        self._reset_alone()
         wanted = {
             _CTRL_REG8: _WHOLE_BLOCKS,
             _CTRL_REG2_G: 0,  # no second filter,
@@ -166,22 +163,13 @@ class _Inertial(Axes):
 
     def _sleep(self) -> None:
         """Switch this sensor off and read that back; the die stays on for a magnetometer that needs its thermometer."""
-        self._registers.set({self.control: 0})
-        self._registers.expect({self.control: 0})
+        self._registers.put({self.control: 0})
         _rest(self._registers, self.beside)
-
-    def _sample(self) -> tuple[float, ...]:
-        self._await_new(self._is_fresh, self.rate)
-        return super()._sample()
 
     @property
     def rate(self) -> float:
         """Nominal samples per second."""
         return self._sampling.rate
-
-    def _is_fresh(self) -> bool:
-        wanted = self.fresh | _TEMPERATURE_NEW
-        return self._registers.read(_STATUS) & wanted == wanted
 
 
 class Lsm9ds1Gyroscope(_Inertial, FifoSensor):
@@ -192,7 +180,7 @@ class Lsm9ds1Gyroscope(_Inertial, FifoSensor):
     chip: ClassVar[Chip] = _INERTIAL
     measures: ClassVar[tuple[Channel, ...]] = three_axes("deg/s")
     control: ClassVar[int] = _CTRL_REG1_G
-    fresh: ClassVar[int] = _GYRO_NEW
+    fresh: ClassVar[tuple[int, int]] = (_STATUS, _GYRO_NEW | _TEMPERATURE_NEW)
     axes_at: ClassVar[int] = _OUT_G
     together: ClassVar[bool] = True
 
@@ -201,16 +189,17 @@ class Lsm9ds1Gyroscope(_Inertial, FifoSensor):
         code, milli = _TURNS[own.range]
         rate, cut_off = _GYRO_RATES[own.rate]
         self.controls = rate << 5 | code << 3
-        bandwidth = cut_off * _BUTTERWORTH
         sampling = Sampling(
             rate=own.rate,
             axes=Scale(per_unit=1000.0 / milli, rails=_RAILS),
             temperature=_CELSIUS,
             order="little",
-            noise=_GYRO_NOISE * math.sqrt(bandwidth) / milli * 1000.0,
+            full_scale=own.range,
+            density=_GYRO_NOISE,
+            bandwidth=cut_off * BUTTERWORTH,
             awake={_CTRL_REG1_G: self.controls},
         )
-        super().__init__(registers, clock, wire, sampling, full_scale=own.range, bandwidth=bandwidth)
+        super().__init__(registers, clock, wire, sampling)
 
 
 class Lsm9ds1Accelerometer(_Inertial):
@@ -219,7 +208,7 @@ class Lsm9ds1Accelerometer(_Inertial):
     chip: ClassVar[Chip] = replace(_INERTIAL, role="accelerometer")
     measures: ClassVar[tuple[Channel, ...]] = three_axes("m/s2")
     control: ClassVar[int] = _CTRL_REG6_XL
-    fresh: ClassVar[int] = _ACCEL_NEW
+    fresh: ClassVar[tuple[int, int]] = (_STATUS, _ACCEL_NEW | _TEMPERATURE_NEW)
     axes_at: ClassVar[int] = _OUT_XL
 
     def __init__(self, registers: Registers, clock: Clock, wire: Wire) -> None:
@@ -227,17 +216,17 @@ class Lsm9ds1Accelerometer(_Inertial):
         code, milli = _ACCELERATIONS[own.range]
         rate, cut_off = _ACCEL_RATES[own.rate]
         self.controls = rate << 5 | code << 3
-        bandwidth = cut_off * _BUTTERWORTH
         sampling = Sampling(
             rate=own.rate,
             axes=Scale(per_unit=1000.0 / milli, factor=_STANDARD_GRAVITY, rails=_RAILS),
             temperature=_CELSIUS,
             order="little",
-            noise=_ACCEL_NOISE * math.sqrt(bandwidth) / milli * 1000.0,
+            full_scale=own.range * _STANDARD_GRAVITY,
+            density=_ACCEL_NOISE,
+            bandwidth=cut_off * BUTTERWORTH,
             awake={_CTRL_REG6_XL: self.controls},
         )
-        full_scale = own.range * _STANDARD_GRAVITY
-        super().__init__(registers, clock, wire, sampling, full_scale=full_scale, bandwidth=bandwidth)
+        super().__init__(registers, clock, wire, sampling)
 
 
 class Lsm9ds1Magnetometer(Lis3mdlMagnetometer):
@@ -312,5 +301,4 @@ def _rest(registers: Registers, beside: Mapping[str, Sensor]) -> None:
 
 def _sample_slowly(registers: Registers, rate: int) -> None:
     """Let the accelerometer sample for the thermometer's sake alone, or not; read that back."""
-    registers.set({_CTRL_REG6_XL: rate})
-    registers.expect({_CTRL_REG6_XL: rate})
+    registers.put({_CTRL_REG6_XL: rate})

@@ -39,7 +39,10 @@ class Sampling:
         temperature: how counts of the temperature become degC.
         order: which byte of a number comes first.
         temperature_order: which byte of the temperature comes first, where that is another one.
-        noise: standard deviation in counts that a typical article shows on an axis.
+        full_scale: the largest number of the range, in the unit of the axes.
+        density: white noise of a typical article, one-sided, in the data sheet's unit over the root of Hz; infinite
+            where no data sheet tells it.
+        bandwidth: noise bandwidth of the filter in Hz.
         awake: registers that tell a sensor which measures from one that lost its settings.
         line: interrupt line of the OBC at which the sensor's interrupt ends.
     """
@@ -49,7 +52,9 @@ class Sampling:
     temperature: Scale
     order: Literal["big", "little"]
     temperature_order: Literal["", "big", "little"] = ""
-    noise: float
+    full_scale: float
+    density: float
+    bandwidth: float
     awake: Mapping[int, int]
     line: int = 0
 
@@ -57,6 +62,11 @@ class Sampling:
     def period(self) -> float:
         """Nominal seconds from sample to sample."""
         return 1.0 / self.rate
+
+    @property
+    def noise(self) -> float:
+        """Standard deviation in counts that a typical article shows on an axis."""
+        return self.density * math.sqrt(self.bandwidth) * self.axes.per_unit
 
     def temperature_counts(self, data: bytes) -> int:
         """Return the counts in two bytes of the temperature."""
@@ -85,8 +95,6 @@ class Axes(Sensor):
         clock: the bench's clock.
         wire: whose settings it reads.
         sampling: what they come to.
-        full_scale: the largest number of the range, in the unit of the axes.
-        bandwidth: noise bandwidth of the filter in Hz.
     """
 
     axes_at: ClassVar[int]
@@ -95,20 +103,9 @@ class Axes(Sensor):
     together: ClassVar[bool] = False
     invalid: ClassVar[int | None] = None
 
-    def __init__(
-        self,
-        registers: Registers,
-        clock: Clock,
-        wire: Wire,
-        sampling: Sampling,
-        *,
-        full_scale: float,
-        bandwidth: float,
-    ) -> None:
+    def __init__(self, registers: Registers, clock: Clock, wire: Wire, sampling: Sampling) -> None:
         super().__init__(registers, clock, wire)
         self._sampling = sampling
-        self._full_scale = full_scale
-        self._bandwidth = bandwidth
         self._judged = 0.0
         self._judge_anew()
 
@@ -130,7 +127,7 @@ class Axes(Sensor):
     @reads
     def bandwidth(self) -> Figure:
         """Return the noise bandwidth of the filter in Hz."""
-        return Figure(value=self._bandwidth, unit="Hz")
+        return Figure(value=self._sampling.bandwidth, unit="Hz")
 
     @reads
     def resolution(self) -> Figure:
@@ -140,7 +137,7 @@ class Axes(Sensor):
     @reads
     def full_scale(self) -> Figure:
         """Return the largest number of the chosen range, in the unit of the axes."""
-        return Figure(value=self._full_scale, unit=self.measures[0].unit)
+        return Figure(value=self._sampling.full_scale, unit=self.measures[0].unit)
 
     def _sample(self) -> tuple[float, ...]:
         """Read temperature and axes; samples at least a period apart must differ."""
@@ -164,7 +161,7 @@ class Axes(Sensor):
     @property
     def _patience(self) -> float:
         """Over how many samples the noise is one and the same."""
-        return max(1.0, self._sampling.rate / (2.0 * self._bandwidth))
+        return max(1.0, self._sampling.rate / (2.0 * self._sampling.bandwidth))
 
     def _judge_anew(self) -> None:
         """Forget the samples from before a start."""

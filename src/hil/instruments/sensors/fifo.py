@@ -129,9 +129,7 @@ class Fifo:
 
     def begin(self, registers: Registers, *, interrupt: bool) -> None:
         """Let it fill; the interrupt is on before the first packet."""
-        values = self.fill(interrupt)
-        registers.set(values)
-        registers.expect(values)
+        registers.put(self.fill(interrupt))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

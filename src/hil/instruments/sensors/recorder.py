@@ -117,9 +117,7 @@ class Recorder:
     def _prepare(self) -> None:
         registers, fifo = self._registers, self._fifo
         registers.set(fifo.off)
-        values = fifo.prepare(self._watermark)
-        registers.set(values)
-        registers.expect(values)
+        registers.put(fifo.prepare(self._watermark))
         registers.write(*fifo.flush)
         fifo.at_hand(registers)  # the first count after a flush can be wrong (Linux inv_icm42600)
         self._lost_counter = fifo.lost_by(registers)

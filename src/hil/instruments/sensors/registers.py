@@ -111,6 +111,11 @@ class Registers:
         for register, value in values.items():
             self.write(register, value)
 
+    def put(self, values: Mapping[int, int]) -> None:
+        """Write registers in their order, then read them back; see `expect`."""
+        self.set(values)
+        self.expect(values)
+
     def expect(self, values: Mapping[int, int]) -> None:
         """Read settings back, one by one.
 

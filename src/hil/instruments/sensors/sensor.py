@@ -183,11 +183,9 @@ class Sensor(ABC):
     def _sample(self) -> tuple[float, ...]:
         """Return one sample of a sensor that was started."""
 
-    def _die_runs(self) -> bool:
-        """Return whether another sensor on the same die runs, whose settings must stay."""
-        return any(
-            each.running for each in self.beside.values() if each is not self and each.chip.second == self.chip.second
-        )
+    def _others_run(self) -> bool:
+        """Return whether another sensor of the chip runs, on either die."""
+        return any(each.running for each in self.beside.values() if each is not self)
 
     def _identify(self) -> None:
         self._require_name(self._registers, self.chip)
