@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 
+import numpy as np
 import pytest
 from sensor_bench import LSM9DS1, LSM9DS1_MAGNETOMETER, Bench
 
@@ -77,6 +78,20 @@ def test_the_codes_of_accelerations_are_not_in_their_order(code, milli):
     bench = made()
     put(bench, AG, x20=0x60 | code << 3)
     assert struct.unpack("<hhh", get(bench, AG, 0x28, 6)) == (0, 0, round(1e3 / milli))
+
+
+def test_an_oscillator_that_is_off_leaves_the_filter_as_it_is():
+    """At 476 Hz of its own the accelerometer has the filter of 476 Hz, not the widest."""
+    spreads = []
+    for error in ("0", "0.099"):
+        bench = made(odr_error=error, accelerometer={"white": ["0.1"] * 3})
+        put(bench, AG, x20=0xA0)
+        samples = []
+        for _ in range(100):
+            bench.clock.sleep(0.01)
+            samples.append(struct.unpack("<hhh", get(bench, AG, 0x28, 6)))
+        spreads.append(np.std(samples, axis=0).mean())
+    assert spreads[1] == pytest.approx(spreads[0], rel=0.15)
 
 
 @pytest.mark.parametrize(("code", "milli"), [(0, 0.14), (1, 0.29), (2, 0.43), (3, 0.58)])

@@ -21,7 +21,7 @@ accelerometer's FIFO, interrupt pins, self-test, the 450 us that a suspended acc
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from math import pi, sin
 from typing import Annotated, ClassVar
@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.clock.port import NANOSECONDS
-from hil.model.notation import number, vector
+from hil.model.notation import vector
 from hil.simulation.faults import Drifting, Saturated, Stuck
 from hil.simulation.peers.model import PeerModel, PeerSetup
 from hil.simulation.peers.sensors.chip import (
@@ -42,14 +42,15 @@ from hil.simulation.peers.sensors.chip import (
     TemperatureRaw,
     number_at,
 )
-from hil.simulation.peers.sensors.elements import AccelerationTruth, AxesElement, Die, RateTruth, limited
+from hil.simulation.peers.sensors.elements import AxesElement, RateTruth, limited
 from hil.simulation.peers.sensors.fifo import Fifo
 from hil.simulation.peers.sensors.grid import Grid
+from hil.simulation.peers.sensors.inertial import Senses
 from hil.simulation.peers.sensors.sampled import SampledPeer
 from hil.simulation.peers.sensors.sampler import Bits, FifoSetting, Sampler, Samples
 from hil.wire.checkpoint import Kept
 
-__all__ = ["MODEL", "Accelerometer", "Bmi088Truth", "Gyroscope", "Rates", "build"]
+__all__ = ["MODEL", "Accelerometer", "Gyroscope", "Rates", "build"]
 
 _SOFT_RESET = 0xB6
 _LEAST, _MOST = -32768, 32767
@@ -83,9 +84,7 @@ class Accelerometer(SampledPeer):
 
     Args:
         fitted: where it is, and how it is fed.
-        element: its axes [m/s2].
-        die: its temperature.
-        odr_error: relative error of its oscillator.
+        senses: what it senses.
     """
 
     sheet: ClassVar[Datasheet] = Datasheet(
@@ -102,9 +101,9 @@ class Accelerometer(SampledPeer):
     _asked: Kept[list[int]]
     _element: Kept[AxesElement]
 
-    def __init__(self, fitted: Fitted, element: AxesElement, die: Die, odr_error: float) -> None:
+    def __init__(self, fitted: Fitted, senses: Senses) -> None:
         super().__init__(fitted)
-        self._element, self._die, self._odr = element, die, 1 + odr_error
+        self._element, self._die, self._odr = senses.accelerometer, senses.die, senses.odr
         asleep = [_NO_TEMPERATURE, 0, 0, 0]
         self._sampler = Sampler(bits=_BITS, asleep=asleep, make=self._samples, faults=fitted.faults)
         self._start_ns, self._asked = 0, []
@@ -172,9 +171,7 @@ class Gyroscope(SampledPeer):
 
     Args:
         fitted: where it is, and how it is fed.
-        element: its axes [deg/s].
-        die: its temperature, which it does not measure.
-        odr_error: relative error of its oscillator.
+        senses: what it senses; its temperature it does not measure.
     """
 
     sheet: ClassVar[Datasheet] = Datasheet(
@@ -193,9 +190,9 @@ class Gyroscope(SampledPeer):
     _element: Kept[AxesElement]
     _fifo: Kept[Fifo]
 
-    def __init__(self, fitted: Fitted, element: AxesElement, die: Die, odr_error: float) -> None:
+    def __init__(self, fitted: Fitted, senses: Senses) -> None:
         super().__init__(fitted)
-        self._element, self._die, self._odr = element, die, 1 + odr_error
+        self._element, self._die, self._odr = senses.gyroscope, senses.die, senses.odr
         self._fifo = Fifo(_FRAME * _FRAMES, _FRAME)
         self._sampler = Sampler(
             bits=_BITS,
@@ -207,7 +204,7 @@ class Gyroscope(SampledPeer):
             fifo=self._fifo,
         )
         self._start_ns, self._asked = 0, []
-        self._readers = {0x0A: self._status, _FIFO_STATUS: self._frames}
+        self._readers = {0x0A: self._sampler.take_status, _FIFO_STATUS: self._frames}
         for axis in range(3):
             self._readers |= number_at(_RATE_X + 2 * axis, partial(self._axis, axis))
 
@@ -261,17 +258,9 @@ class Gyroscope(SampledPeer):
     def _frames(self) -> int:
         return self._fifo.packets | (_OVERRUN if self._fifo.lost else 0)
 
-    def _status(self) -> int:
-        status, self._sampler.status = self._sampler.status, 0
-        return status
-
     def _burst(self, register: int, count: int) -> bytes:
         """Take from the FIFO: a transfer stays at its data."""
-        if register != _FIFO_DATA:
-            return b""
-        data = self._fifo.take(count, resume=True)
-        self._sampler.reschedule()
-        return data
+        return self._sampler.take(count, resume=True) if register == _FIFO_DATA else b""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -279,14 +268,6 @@ class Rates(RateTruth):
     """What the gyroscope's elements are; the white noise is that of the data sheet, 14 mdeg/s/sqrt(Hz) one-sided."""
 
     white: Annotated[tuple[float, float, float], vector(3, minimum=0)] = (9.9e-3,) * 3
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Bmi088Truth:
-    """One device: its accelerometer, and the relative error of its sample rates."""
-
-    accelerometer: AccelerationTruth = field(default_factory=AccelerationTruth)
-    odr_error: Annotated[float, number(-0.1, 0.1)] = 0.0
 
 
 def build(setup: PeerSetup) -> Package:
@@ -297,11 +278,9 @@ def build(setup: PeerSetup) -> Package:
     Raises:
         TruthError: with everything that is wrong in its truth or terminals.
     """
-    own, die = setup.truth.part(Bmi088Truth), Die(setup, most=85)
-    accelerations = AxesElement(setup, "acceleration", own.accelerometer, own.accelerometer.acceleration)
-    rates = AxesElement(setup, "rate", setup.truth.part(Rates))
-    accelerometer = Accelerometer(Fitted.read(setup, Accelerometer.sheet), accelerations, die, own.odr_error)
-    gyroscope = Gyroscope(Fitted.read(setup, Gyroscope.sheet), rates, die, own.odr_error)
+    senses = Senses.read(setup, setup.truth.part(Rates))
+    accelerometer = Accelerometer(Fitted.read(setup, Accelerometer.sheet), senses)
+    gyroscope = Gyroscope(Fitted.read(setup, Gyroscope.sheet), senses)
     setup.finish()
     return Package(accelerometer, gyroscope)
 

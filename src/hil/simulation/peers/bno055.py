@@ -118,6 +118,7 @@ class Bno055(SensorPeer):
         },
         read_only=frozenset(range(0x180)) - _WRITABLE,
         select=_PAGE,
+        banks=2,
     )  # fmt: skip
     _mode: Kept[int]
     _coming: Kept[int | None]
@@ -137,8 +138,6 @@ class Bno055(SensorPeer):
         self._plain: tuple[int, int, bytes, int] | None = None
         self._enter(0, 0)
         self._readers = {
-            _PAGE: lambda: self._registers.bank,
-            0x100 | _PAGE: lambda: self._registers.bank,
             _OPR_MODE: lambda: self._mode,
             _SYS_STATUS: self._status,
             _TEMP: self._temperature,
@@ -160,9 +159,7 @@ class Bno055(SensorPeer):
 
     def _store(self, register: int, value: int) -> None:
         self._plain = None
-        if register == _PAGE:
-            self._registers[register] = value & 1
-        elif register == _SYS_TRIGGER and value & _RESET:
+        if register == _SYS_TRIGGER and value & _RESET:
             self._reset(self._fitted.boot_ns)
         elif self._coming is not None:
             return

@@ -156,9 +156,7 @@ class Iim42652(SampledPeer):
 
     def _store(self, register: int, value: int) -> None:
         before = self._registers[register]
-        if register == Register.REG_BANK_SEL:
-            self._registers[register] = value
-        elif register == Register.DEVICE_CONFIG and value & _SOFT_RESET:
+        if register == Register.DEVICE_CONFIG and value & _SOFT_RESET:
             self._reset(_RESET_NS)
         elif register == Register.SIGNAL_PATH_RESET:  # acts once; its bits clear themselves
             if value & _STROBE:
@@ -239,10 +237,7 @@ class Iim42652(SampledPeer):
 
     def _computed(self) -> Mapping[int, Callable[[], int]]:
         """Return the registers whose bytes are made when they are read."""
-        readers: dict[int, Callable[[], int]] = {
-            Register.INT_STATUS: self._status,
-            Register.REG_BANK_SEL: lambda: self._registers.bank,
-        }
+        readers: dict[int, Callable[[], int]] = {Register.INT_STATUS: self._status}
         for place in range(7):
             readers |= number_at(
                 Register.TEMP_DATA + 2 * place, partial(self._output, place), big=partial(self._interface, _BIG_DATA)
@@ -263,9 +258,8 @@ class Iim42652(SampledPeer):
         return self._fifo.filled // packet_bytes(self._registers) if self._interface(_RECORDS) else self._fifo.filled
 
     def _status(self) -> int:
-        status, self._sampler.status = self._sampler.status, 0
         self._pin.clear()
-        return status
+        return self._sampler.take_status()
 
     def _burst(self, register: int, count: int) -> bytes:
         """Take from the FIFO: a transfer stays at its data."""
@@ -274,10 +268,7 @@ class Iim42652(SampledPeer):
         by_reading = self._registers[Register.INT_CONFIG0] & _BY_READING
         if by_reading and self._sampler.status & (_BITS.watermark | _BITS.full):
             self._pin.clear()
-        resume = bool(self._registers[Register.FIFO_CONFIG1] & _RESUME)
-        data = self._fifo.take(count, resume=resume)
-        self._sampler.reschedule()
-        return data
+        return self._sampler.take(count, resume=bool(self._registers[Register.FIFO_CONFIG1] & _RESUME))
 
 
 @lru_cache

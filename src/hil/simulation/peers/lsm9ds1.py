@@ -27,16 +27,10 @@ that of the accelerometer alone, interrupts, self-test.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from functools import partial
 from math import pi, sin
-from typing import Annotated, ClassVar
+from typing import ClassVar
 
-import numpy as np
-from numpy.typing import NDArray
-
-from hil.clock.port import NANOSECONDS
-from hil.model.notation import number
 from hil.simulation.faults import Drifting, Saturated, Stuck
 from hil.simulation.peers.lis3mdl import Lis3mdl
 from hil.simulation.peers.model import PeerModel, PeerSetup
@@ -49,14 +43,12 @@ from hil.simulation.peers.sensors.chip import (
     TemperatureRaw,
     number_at,
 )
-from hil.simulation.peers.sensors.elements import AccelerationTruth, AxesElement, Die, FieldElement, limited
+from hil.simulation.peers.sensors.elements import FieldElement
 from hil.simulation.peers.sensors.fifo import Fifo
-from hil.simulation.peers.sensors.grid import Grid
-from hil.simulation.peers.sensors.sampled import SampledPeer
-from hil.simulation.peers.sensors.sampler import Bits, FifoSetting, Sampler, Samples
-from hil.wire.checkpoint import Kept
+from hil.simulation.peers.sensors.inertial import InertialDie, Senses, Setting
+from hil.simulation.peers.sensors.sampler import Bits, FifoSetting, Samples
 
-__all__ = ["MODEL", "Inertial", "Lsm9ds1Truth", "Magnetometer", "build"]
+__all__ = ["MODEL", "Inertial", "Magnetometer", "build"]
 
 _CTRL1_G, _CTRL6_XL, _CTRL8 = 0x10, 0x20, 0x22
 _TEMP, _OUT_G, _OUT_XL = 0x15, 0x18, 0x28
@@ -72,18 +64,16 @@ _ACCEL_CUT_OFFS = {119.0: 50.0, 238.0: 105.0, 476.0: 211.0}
 _WIDEST = 408.0
 _MDPS, _MG = (8.75, 17.5, 17.5, 70.0), (0.061, 0.732, 0.122, 0.244)
 _GRAVITY = 9.80665
-_LEAST, _MOST = -32768, 32767
+_IN_FIFO = (3, 4, 5, 0, 1, 2)  # rates before accelerations
 _BUTTERWORTH = pi / 4 / sin(pi / 4)
 
 
-class Inertial(SampledPeer):
+class Inertial(InertialDie):
     """The die of gyroscope, accelerometer and thermometer.
 
     Args:
         fitted: where it is, and how it is fed.
-        rates, accelerations: its axes [deg/s, m/s2].
-        die: its temperature.
-        odr_error: relative error of its oscillator.
+        senses: what it senses.
     """
 
     sheet: ClassVar[Datasheet] = Datasheet(
@@ -96,39 +86,14 @@ class Inertial(SampledPeer):
         read_only=frozenset((0x0F, *range(0x14, 0x1E), *range(0x26, 0x2E), 0x2F)),
     )
     sleep: ClassVar[tuple[int, int, int]] = (_CTRL1_G, 0xE0, 0)
-    _start_ns: Kept[int]
-    _asked: Kept[list[int]]
-    _rates: Kept[AxesElement]
-    _accelerations: Kept[AxesElement]
-    _fifo: Kept[Fifo]
-    _lost: Kept[int]
+    bits: ClassVar[Bits] = Bits(1, 0, 0)
+    heat: ClassVar[tuple[float, float]] = (16.0, 0.0)
 
-    def __init__(
-        self, fitted: Fitted, rates: AxesElement, accelerations: AxesElement, die: Die, odr_error: float
-    ) -> None:
-        super().__init__(fitted)
-        self._rates, self._accelerations, self._die, self._odr = rates, accelerations, die, 1 + odr_error
-        self._fifo, self._lost = Fifo(_LEVELS * _LEVEL, _LEVEL), 0
-        self._sampler = Sampler(
-            bits=Bits(1, 0, 0),
-            asleep=[0] * 7,
-            make=self._samples,
-            faults=fitted.faults,
-            pack=lambda samples: samples.outputs[:, 1:].astype("<i2").tobytes(),
-            look=self._look,
-            fifo=self._fifo,
-        )
-        self._start_ns, self._asked = 0, [0, 0]
+    def __init__(self, fitted: Fitted, senses: Senses) -> None:
+        super().__init__(fitted, senses, Fifo(_LEVELS * _LEVEL, _LEVEL))
         self._readers = {**dict.fromkeys(_STATUS, self._status), _FIFO_SRC: self._levels}
-        for place, register in enumerate((_TEMP, *range(_OUT_G, _OUT_G + 6, 2), *range(_OUT_XL, _OUT_XL + 6, 2))):
+        for place, register in enumerate((*range(_OUT_XL, _OUT_XL + 6, 2), *range(_OUT_G, _OUT_G + 6, 2), _TEMP)):
             self._readers |= number_at(register, partial(self._output, place))
-
-    def _was_reset(self) -> None:
-        self._asked = [0, 0]
-        self._rates.stop()
-        self._accelerations.stop()
-        self._empty()
-        self._sampler.reset(0)
 
     def _step(self) -> None:
         if self._registers[_CTRL8] & _INCREMENT:
@@ -141,17 +106,29 @@ class Inertial(SampledPeer):
         # One that fell asleep cannot be woken by either sensor.
         napping = register == _CTRL6_XL and self._faults.now(Asleep, self._clock.now_ns())
         self._registers[register] = 0 if napping else self._woken(register, value)
-        wanted = [self._registers[_CTRL1_G], self._registers[_CTRL6_XL]]
-        if wanted != self._asked:
-            self._asked, self._start_ns = wanted, self._clock.now_ns()
-            self._begin()
         if register == _FIFO_CTRL and not value >> 5:
             self._empty()
-        self._sampler.reschedule()
+        self._configure()
 
-    def _empty(self) -> None:
-        self._lost = 0
-        self._sampler.flush(_LEVEL)
+    def _wanted(self) -> Setting:
+        controls = self._registers[_CTRL1_G], self._registers[_CTRL6_XL]
+        gyro, accel = (control >> 5 for control in controls)
+        rate = _GYRO_RATES[gyro] or _ACCEL_RATES[accel]
+        return Setting(
+            gyro=bool(gyro),
+            accel=bool(accel),
+            rate=rate,
+            gyro_bandwidth=_GYRO_CUT_OFFS[gyro] * _BUTTERWORTH,
+            accel_bandwidth=_ACCEL_CUT_OFFS.get(rate, _WIDEST) * _BUTTERWORTH,
+            more=controls,
+        )
+
+    def _counts_per_unit(self) -> tuple[float, float]:
+        per_count = _MG[self._registers[_CTRL6_XL] >> 3 & 3], _MDPS[self._registers[_CTRL1_G] >> 3 & 3]
+        return 1000.0 / per_count[0] / _GRAVITY, 1000.0 / per_count[1]
+
+    def _packed(self, samples: Samples) -> bytes:
+        return samples.outputs[:, _IN_FIFO].astype("<i2").tobytes()
 
     def _look(self) -> FifoSetting:
         mode = self._registers[_FIFO_CTRL] >> 5
@@ -167,50 +144,19 @@ class Inertial(SampledPeer):
         """Take levels from the FIFO, where it is on."""
         if register != _OUT_G or not self._look().active or not self._registers[_CTRL8] & _INCREMENT:
             return b""
-        data = self._fifo.take(count, resume=False)
+        data = self._sampler.take(count, resume=False)
         self._lost = self._fifo.lost
-        self._sampler.reschedule()
         return data
 
     def _sleeps_by(self, register: int, value: int) -> bool:
-        return super()._sleeps_by(register, value) and not self._asked[1]  # else the accelerometer goes on
-
-    def _begin(self) -> None:
-        gyro, accel = (control >> 5 for control in self._asked)
-        rate = (_GYRO_RATES[gyro] or _ACCEL_RATES[accel]) * self._odr
-        turning, pulled = _GYRO_CUT_OFFS[gyro], _ACCEL_CUT_OFFS.get(rate / self._odr, _WIDEST)
-        for element, on, cut_off in ((self._rates, gyro, turning), (self._accelerations, accel, pulled)):
-            if on and rate:
-                element.begin(self._start_ns, rate=rate, bandwidth=cut_off * _BUTTERWORTH)
-            else:
-                element.stop()
-        self._sampler.restart(Grid(self._start_ns, NANOSECONDS / rate) if rate else None)
-
-    def _samples(self, first: int, ends_ns: NDArray[np.int64]) -> Samples:
-        degrees = self._die.many(ends_ns)
-        outputs = np.zeros((ends_ns.size, 7), dtype=np.int16)
-        outputs[:, 0] = self._temperatures(ends_ns)
-        gyro, accel = self._asked
-        for element, control, milli, at, unit in (
-            (self._rates, gyro, _MDPS, 1, 1.0),
-            (self._accelerations, accel, _MG, 4, _GRAVITY),
-        ):
-            if control >> 5:
-                measured = element.measured(first, ends_ns, degrees) * (1000.0 / milli[control >> 3 & 3] / unit)
-                outputs[:, at : at + 3] = limited(measured, _LEAST, _MOST).T
-        return Samples(ends_ns, outputs, np.zeros(ends_ns.size, dtype=np.int8))
-
-    def _temperatures(self, ends_ns: NDArray[np.int64]) -> NDArray[np.float64]:
-        return limited(self._as_raw(self._die.counts(self._die.many(ends_ns), 16.0), ends_ns), _LEAST, _MOST)
+        return super()._sleeps_by(register, value) and not self._setting.accel  # else the accelerometer goes on
 
     def _output(self, place: int) -> int:
         self._sampler.status = 0
-        alone = self._temperature_alone(self._temperatures) if not place else None
-        return self._sampler.newest[place] if alone is None else alone
+        return super()._output(place)
 
     def _status(self) -> int:
-        gyro, accel = (control >> 5 for control in self._asked)
-        fresh = _TEMP_NEW | (_GYRO_NEW if gyro else 0) | (_ACCEL_NEW if accel else 0)
+        fresh = _TEMP_NEW | (_GYRO_NEW if self._setting.gyro else 0) | (_ACCEL_NEW if self._setting.accel else 0)
         return fresh if self._sampler.status else 0
 
 
@@ -233,14 +179,6 @@ class Magnetometer(Lis3mdl):
     thermometer: ClassVar[bool] = False
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Lsm9ds1Truth:
-    """One device: its accelerometer, and the relative error of its sample rates."""
-
-    accelerometer: AccelerationTruth = field(default_factory=AccelerationTruth)
-    odr_error: Annotated[float, number(-0.1, 0.1)] = 0.0
-
-
 def build(setup: PeerSetup) -> Package:
     """Build the chip; terminals `rate`, `acceleration`, `field`, `temperature` and `power` go to plant signals.
 
@@ -250,12 +188,11 @@ def build(setup: PeerSetup) -> Package:
     Raises:
         TruthError: with everything that is wrong in its truth or terminals.
     """
-    own, die = setup.truth.part(Lsm9ds1Truth), Die(setup, most=85)
-    accelerations = AxesElement(setup, "acceleration", own.accelerometer, own.accelerometer.acceleration)
-    inertial = Inertial(Fitted.read(setup, Inertial.sheet), AxesElement(setup), accelerations, die, own.odr_error)
+    senses = Senses.read(setup)
+    inertial = Inertial(Fitted.read(setup, Inertial.sheet), senses)
     fitted, field_element = Fitted.read(setup, Magnetometer.sheet), FieldElement(setup, noise=(0.32, 0.32, 0.41))
     setup.finish()
-    return Package(inertial, Magnetometer(fitted, field_element, die))
+    return Package(inertial, Magnetometer(fitted, field_element, senses.die))
 
 
 MODEL = PeerModel(

@@ -63,6 +63,7 @@ class Datasheet:
         reset: registers after power-on; all others are 0.
         read_only: registers that cannot be written.
         select: the register that selects a bank, None if there are no banks.
+        shift, banks: place of the bank's number in that register, and how many there are.
         increment: the bit of a register's number that asks to continue; 0 where every transfer continues.
         follows: the register that comes after one, where that is not the next number.
         width: bytes of a register, the high one first.
@@ -78,6 +79,8 @@ class Datasheet:
     reset: Mapping[int, int] = field(default_factory=dict)
     read_only: Container[int] = frozenset()
     select: int | None = None
+    shift: int = 0
+    banks: int = 8
     increment: int = 0
     follows: Mapping[int, int] = field(default_factory=dict)
     width: int = 1
@@ -148,7 +151,10 @@ class SensorPeer(Stateful):
     def __init__(self, fitted: Fitted) -> None:
         self._fitted = fitted
         self._faults = fitted.faults
-        self._registers = RegisterFile(self.sheet.reset, self.sheet.read_only, self.sheet.select, self.sheet.size)
+        sheet = self.sheet
+        self._registers = RegisterFile(
+            sheet.reset, sheet.read_only, sheet.select, sheet.size, shift=sheet.shift, banks=sheet.banks
+        )
         self._readers: Mapping[int, Callable[[], int]] = {}
         self._ready_ns = None
         self._pointer = 0
@@ -178,7 +184,11 @@ class SensorPeer(Stateful):
             self._settle()
         self._pointer = data[0]
         for place in range(1, len(data) + 1 - width, width):
-            self._store(self._register(), int.from_bytes(data[place : place + width], "big"))
+            register, value = self._register(), int.from_bytes(data[place : place + width], "big")
+            if register == self.sheet.select:
+                self._registers[register] = value
+            else:
+                self._store(register, value)
             self._step()
 
     def read(self, address: int, count: int) -> bytes:
@@ -213,7 +223,7 @@ class SensorPeer(Stateful):
         return b""
 
     def _store(self, register: int, value: int) -> None:
-        """Take what is written to a register."""
+        """Take what is written to a register, unless it selects a bank."""
         self._registers[register] = value
 
     def _load(self, register: int) -> int:
@@ -264,12 +274,13 @@ class Package(Stateful):
 
     Args:
         dies: the first one's interrupt pin is that of the chip, where it has one.
+        way: raises Nack while the second die, behind the first one, cannot be reached; None for dies side by side.
     """
 
     _dies: Kept[list[SensorPeer]]
 
-    def __init__(self, *dies: SensorPeer) -> None:
-        self._dies = list(dies)
+    def __init__(self, *dies: SensorPeer, way: Callable[[], None] | None = None) -> None:
+        self._dies, self._way = list(dies), way
         self._at = {address: die for die in dies for address in die.addresses}
 
     @property
@@ -291,11 +302,17 @@ class Package(Stateful):
 
     def write(self, address: int, data: bytes) -> None:
         """Write to the die at this address."""
-        self._at[address].write(address, data)
+        self._die(address).write(address, data)
 
     def read(self, address: int, count: int) -> bytes:
         """Read from the die at this address."""
-        return self._at[address].read(address, count)
+        return self._die(address).read(address, count)
+
+    def _die(self, address: int) -> SensorPeer:
+        die = self._at[address]
+        if self._way is not None and die is not self._dies[0]:
+            self._way()
+        return die
 
 
 def number_at(

@@ -8,8 +8,6 @@ from hil.wire.checkpoint import Kept, Stateful
 
 __all__ = ["RegisterFile"]
 
-_BANKS = 8
-
 
 class RegisterFile(Stateful):
     """Plain storage with banks; what a register does is its owner's business.
@@ -19,29 +17,37 @@ class RegisterFile(Stateful):
         read_only: registers that cannot be written.
         select: the register that selects a bank, and is in every bank; None if there are no banks.
         size: registers of a bank; a number beyond them starts over.
+        shift, banks: place of the bank's number in that register, and how many there are.
     """
 
     bank: Kept[int]
     _values: Kept[dict[int, int]]
 
     def __init__(
-        self, reset: Mapping[int, int], read_only: Container[int], select: int | None = None, size: int = 0x80
+        self,
+        reset: Mapping[int, int],
+        read_only: Container[int],
+        select: int | None = None,
+        size: int = 0x80,
+        *,
+        shift: int = 0,
+        banks: int = 8,
     ) -> None:
         self._size = size
         self._reset = reset
         self._read_only = read_only
-        self._select = select
+        self._select, self._shift, self._banks = select, shift, banks
         self._values = dict(reset)
         self.bank = 0
 
     def __getitem__(self, register: int) -> int:
-        """Return what is stored."""
-        return self._values.get(register, 0)
+        """Return what is stored, or which bank is selected."""
+        return self.bank << self._shift if register == self._select else self._values.get(register, 0)
 
     def __setitem__(self, register: int, value: int) -> None:
         """Store a value, unless the register can only be read; select a bank."""
         if register == self._select:
-            self.bank = value % _BANKS
+            self.bank = (value >> self._shift) % self._banks
         elif register not in self._read_only:
             self._values[register] = value
 

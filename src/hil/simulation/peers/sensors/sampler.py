@@ -175,6 +175,17 @@ class Sampler(Stateful):
             self._push(self._made(grid, first, count), setting)
         self.reschedule()
 
+    def take(self, count: int, *, resume: bool) -> bytes:
+        """Return bytes that somebody reads from the FIFO; see `Fifo.take`."""
+        data = self._fifo.take(count, resume=resume)
+        self.reschedule()
+        return data
+
+    def take_status(self) -> int:
+        """Return the status, which reading clears."""
+        status, self.status = self.status, 0
+        return status
+
     def flush(self, packet: int) -> None:
         """Empty the FIFO; packets have this size from now on."""
         self._fifo.flush(packet)
