@@ -164,6 +164,14 @@ def test_what_an_answers_file_lacks_or_has_too_many_is_told_with_its_place(works
     assert message in wrong[0]
 
 
+def test_a_witness_whom_nobody_asks_for_is_told(workspace, cases):
+    """Whoever prepared the file believes that the answer is witnessed, and no package would say so."""
+    file = answers(workspace.root)
+    file.write_text(file.read_text().replace("witnesses: {", "witnesses: {jig-closed: Quinn, "))
+    (wrong,) = required(cases, file)
+    assert wrong.startswith("answers.yaml:10:25: 'jig-closed' asks for no witness; remove it")
+
+
 def test_without_a_file_nobody_answers(cases):
     """The questions are named with their places; the simulated person has no files, and answers what it knows."""
     with pytest.raises(Refused) as caught:

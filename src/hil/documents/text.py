@@ -18,6 +18,7 @@ __all__ = [
     "hidden_character",
     "is_there",
     "name_problem",
+    "named_wrongly",
     "read_bytes",
     "require_name",
     "visible",
@@ -84,14 +85,21 @@ def require_name(option: str, name: str) -> None:
     Raises:
         Refused: for a blank name, a very long one, and one with characters that nobody sees.
     """
+    if problem := named_wrongly(name):
+        raise Refused(f"{option} {problem[0]}", problem[1])
+
+
+def named_wrongly(name: str) -> tuple[str, str] | None:
+    """Return why a text cannot be the name of a person or a thing in evidence, and what to do; None if it can."""
     if not name.strip():
-        raise Refused(f"{option} is empty", "give a name")
+        return "is empty", "give a name"
     if len(name) > _LONGEST_NAME:
-        raise Refused(f"{option} has {len(name)} characters, and may have {_LONGEST_NAME}", "shorten it")
+        return f"has {len(name)} characters, and may have {_LONGEST_NAME}", "shorten it"
     if any("\ud800" <= character <= "\udfff" for character in name):
-        raise Refused(f"{option} is not text in the encoding of this terminal", "type it again")
+        return "is not text in the encoding of this terminal", "type it again"
     if found := re.search(r"[\t\r\n]", name) or hidden_character(name):
-        raise Refused(f"{option} contains the character U+{ord(found[0]):04X}", "type it again without it")
+        return f"contains the character U+{ord(found[0]):04X}", "type it again without it"
+    return None
 
 
 def is_there(file: Path) -> bool:

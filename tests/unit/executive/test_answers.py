@@ -164,6 +164,22 @@ def test_a_file_of_answers_is_read_strictly(tmp_path):
         load_answers(file, "a.yaml")
 
 
+@pytest.mark.parametrize(
+    ("lines", "told"),
+    [
+        ('by: "Ada\\nPASS"', "a.yaml:2:5: the name contains the character U\\+000A"),
+        (f"by: {'A' * 500}", "a.yaml:2:5: the name has 500 characters, and may have"),
+        ('witnesses: {jig: "Bo\\tBell"}', "a.yaml:2:18: the name contains the character U\\+0009"),
+    ],
+)
+def test_who_answers_has_a_name_like_everybody(tmp_path, lines, told):
+    """As on the command line: a name of several lines would print lines of its own."""
+    file = tmp_path / "a.yaml"
+    file.write_text(f'schema: hil/answers/1\n{lines}\nanswers: {{jig: "yes"}}\n')
+    with pytest.raises(ConfigurationError, match=told):
+        load_answers(file, "a.yaml")
+
+
 class Says:
     """Answers everything with one value."""
 

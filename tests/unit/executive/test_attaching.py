@@ -354,6 +354,13 @@ def test_a_source_without_a_file_is_declined(tmp_path):
         Case(tmp_path, answers=Says()).run.operator.attach("Photo", name="photo")
 
 
+def test_a_name_of_several_lines_is_one_line_everywhere(tmp_path):
+    """In the answer as in the file's own name: a terminal prints both."""
+    case = Case(tmp_path, answers=Gives(put(tmp_path, "photo\nPASS.png", PNG)))
+    given = case.run.operator.attach("Photo", name="photo")
+    assert given.name == case.written.of("answer")[0]["value"] == "photo\\nPASS.png"
+
+
 def test_a_resumed_run_says_again_why_a_file_was_not_taken(tmp_path):
     """In the same words, which are in the reasons of its case; nobody is asked again."""
     case = Case(tmp_path, answers=Gives(tmp_path / "none.png"))

@@ -323,17 +323,18 @@ class Operator(OfThisProcess):
         _check(question, answer.value)
         if problem := witness_problem(question, answer.by, answer.witness):
             raise Declined(problem, "a witness is named, and is not who answers")
+        kept = self._kept(question, answer)
         told = events.Answer(
             case=case,
             step=step,
             name=question.name,
-            value=answer.value,
+            value=answer.value if kept is None else kept.given,
             by=answer.by,
-            file=self._kept(question, answer),
+            file=kept,
             witness=answer.witness,
         )
         self._journal.write(told)
-        return answer.value if told.file is None else {**msgspec.structs.asdict(told.file), "by": answer.by}
+        return answer.value if kept is None else {**msgspec.structs.asdict(kept), "by": answer.by}
 
     def _kept(self, question: Question, answer: Answer) -> events.GivenFile | None:
         """Return the file of an answer, which the run has taken by then."""

@@ -13,6 +13,7 @@ from hil.documents.declared import read_document
 from hil.documents.findings import Findings
 from hil.documents.node import Place
 from hil.documents.suggest import did_you_mean, nearest
+from hil.documents.text import named_wrongly
 from hil.evidence.events import Answer as Given
 from hil.evidence.events import Effect, Event
 from hil.evidence.journal.reader import JournalLine
@@ -320,6 +321,11 @@ def load_answers(path: Path, shown: str) -> Prepared:
     prepared = found.model
     places = {("answer", name): found.place(("answers", name)) for name in prepared.answers}
     places |= {("witness", name): found.place(("witnesses", name)) for name in prepared.witnesses}
+    people = {("by",): prepared.by} | {("witnesses", name): who for name, who in prepared.witnesses.items()}
+    for at, who in people.items():
+        if who and (problem := named_wrongly(who)):
+            findings.add(found.place(at), f"the name {'; '.join(problem)}")
+    findings.raise_if_any()
     return replace(prepared, places=places)
 
 

@@ -334,6 +334,8 @@ def _surplus(prepared: Prepared, asked: Sequence[Foreseen]) -> Iterator[Finding]
             if not any(each.pattern.fullmatch(name) for each in asked):
                 near = did_you_mean(name, names)
                 yield _at(prepared, key, name, f"no case asks '{name}'{near}; correct the name, or remove it")
+            elif key == "witness" and not any(each.pattern.fullmatch(name) and each.question.witness for each in asked):
+                yield _at(prepared, key, name, f"'{name}' asks for no witness; remove it, or ask for one in the case")
 
 
 def _unfit(each: Foreseen, prepared: Prepared, folder: Path, witnesses: Witnesses) -> Iterator[Finding]:
