@@ -352,6 +352,8 @@ def _summed(parts: Iterable[float]) -> float:
 def _warnings(
     packages: Sequence[Input], chosen: _Selection, left_out: Sequence[str], missing: Sequence[str]
 ) -> Iterator[str]:
+    if wrong := [each.run for each in packages if each.problem]:
+        yield f"Nothing of these counts, as they do not verify: {_listed(wrong)}"
     counted = [each for each in packages if chosen.used[each.digest]]
     for source in (Source.SIMULATED, Source.REPLAYED):
         if number := sum(each.source == source for each in counted):

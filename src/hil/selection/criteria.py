@@ -10,12 +10,13 @@ from typing import Annotated
 from hil.documents.declared import Document, read_document
 from hil.documents.findings import Findings
 from hil.documents.suggest import did_you_mean
-from hil.model.notation import NAMED, ByName, Flag, Path, Positive, Text, number, one_of
+from hil.model.notation import NAMED, ByName, Flag, Path, Text, number, one_of
 from hil.requirements.units import check_unit, compatible
 
 __all__ = ["Candidate", "Cell", "Criteria", "Criterion", "load_criteria"]
 
 _SCHEMA = "hil/selection/1"
+_Weight = Annotated[float, number(0.001, 1000)]
 _Combine = Annotated[str, one_of("worst", "mean")]
 _Wrong = Iterator[tuple[Path, str]]
 
@@ -55,7 +56,7 @@ class Criterion:
         units: the unit of the figures by role; candidates are compared within a role.
         axes: the axes that a candidate needs a figure of, each; empty if the checks are of no axis.
         combine: whether the worst axis counts, or the mean of their magnitudes.
-        weight: how much it counts overall.
+        weight: how much it counts overall, from 0.001 to 1000.
         plan: only checks of this plan, if it is given.
         unaliased: whether figures count only if their recording took at least two samples per period of the highest
             frequency that the sensor's filter passes.
@@ -66,7 +67,7 @@ class Criterion:
     units: Mapping[str, Text]
     axes: tuple[Text, ...] = ()
     combine: _Combine = "worst"
-    weight: Positive = 1.0
+    weight: _Weight = 1.0
     plan: Text = ""
     unaliased: Flag = False
 
@@ -151,6 +152,7 @@ def _problems(document: Document[Criteria]) -> _Wrong:
     if not its.criteria:
         yield ("criteria",), "a selection needs a criterion"
     yield from _of_candidates(its)
+    yield from _twice(its)
     played = {role for each in its.candidates for role in each.roles}
     for criterion in its.criteria:
         at: Path = ("criteria", criterion.name)
@@ -186,3 +188,11 @@ def _of_candidates(its: Criteria) -> _Wrong:
                     first = known.setdefault((f"{role}.{instance}", dut), each.name)
                     if first != each.name:
                         yield (*at, "instances"), f"{role}.{instance} is of candidate {first} already"
+
+
+def _twice(its: Criteria) -> _Wrong:
+    """Give what a candidate names twice: a mean of its axes would take one figure for two."""
+    for each in its.candidates:
+        for key in ("roles", "instances", "duts"):
+            if len(set(named := getattr(each, key))) < len(named):
+                yield ("candidates", each.name, key), f"one of the {key} of candidate {each.name} is named twice"

@@ -153,3 +153,4 @@ def test_a_package_that_is_damaged_or_gone_is_told(capsys, workspace):
     (damaged,) = [each for each in document["excluded"] if each["what"] == "the whole package"]
     assert (damaged["run"], damaged["reason"].startswith("it does not verify: ")) == ("run-SN2-02", True)
     assert "The ledger names runs that are not here, and may have such figures: run-SN2-03" in document["warnings"]
+    assert "Nothing of these counts, as they do not verify: run-SN2-02" in document["warnings"]

@@ -43,7 +43,10 @@ def test_a_criteria_file_is_a_table_of_roles_and_criteria(tmp_path):
     [
         ("parameter: drift", "paramter: drift", "9:11: unknown key 'paramter', did you mean 'parameter'?"),
         ("combine: mean", "combine: sum", "criteria Drift: 'combine' must be one of worst, mean, found `sum`"),
-        ('weight: "2"', 'weight: "0"', "'weight' must be above 0"),
+        ('weight: "2"', 'weight: "0"', "'weight' must be at least 0.001"),
+        ('weight: "2"', 'weight: "1e308"', "'weight' must be at most 1000"),
+        ("[a, a2]", "[a, a]", "5:52: one of the instances of candidate A is named twice"),
+        ("[SN1]", "[SN1, SN1]", "one of the duts of candidate B is named twice"),
         ('"0.99"', '"0.3"', "3:13: selection: 'confidence' must be at least 0.5"),
         (
             "gyroscope: deg/s/K",
