@@ -4,8 +4,6 @@ These are the models of `bench.yaml`: the type of a field says how its value is 
 and `alias` gives its key where that is another than its name.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated

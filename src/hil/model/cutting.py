@@ -1,7 +1,5 @@
 """What keeps a bench safe where its safe-off cannot be taken, or says more than is so: data of the bench file."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """Limits of the envelope as data: what is read, and what is computed from it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated

@@ -1,7 +1,5 @@
 """A requirement as data, and the fingerprint of its meaning."""
 
-from __future__ import annotations
-
 import unicodedata
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -182,7 +180,7 @@ class Requirement:
         return self._meant.as_json()
 
     @property
-    def _meant(self) -> _Meant:
+    def _meant(self) -> "_Meant":
         named = (self.id, self.text, self.kind, self.method, self.level, self.stage)
         people = self.witness, self.independent
         return _Meant(*named, self.limits, self.records, tuple(self.over.items()), self.max_age_s, *people)

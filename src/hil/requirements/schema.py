@@ -1,7 +1,5 @@
 """Reads `requirements.yaml` into requirements, with everything that is wrong in one file."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace

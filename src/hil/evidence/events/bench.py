@@ -1,7 +1,5 @@
 """Events of the bench: readiness, envelope, hold, rest and safe state."""
 
-from __future__ import annotations
-
 from typing import ClassVar, Literal
 
 from hil.evidence.events.event import Event, Origin, Part

@@ -1,7 +1,5 @@
 """Events of a case: its attempts and steps, what it did and checked."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any, ClassVar, Literal
 

@@ -1,7 +1,5 @@
 """Events of the files and the code that a run uses: what was frozen, and what was executed."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import ClassVar
 

@@ -1,7 +1,5 @@
 """What every event is: a frozen record of one kind, stamped when it is written."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from enum import Enum, auto

@@ -1,7 +1,5 @@
 """Events of people: what they were asked and answered, added, asked for and acknowledged."""
 
-from __future__ import annotations
-
 from typing import ClassVar
 
 from hil.evidence.events.event import Event, Origin, Part

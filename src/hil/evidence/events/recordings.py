@@ -1,7 +1,5 @@
 """Events of recordings: their beginning with their channels, their rows' hashes, their end."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 from hil.evidence.events.event import Event, Part

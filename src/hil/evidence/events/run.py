@@ -1,7 +1,5 @@
 """Events of a run as a whole: what it was asked for, what interrupted it, how it ended."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import ClassVar, Literal
 

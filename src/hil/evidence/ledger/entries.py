@@ -1,7 +1,5 @@
 """The entries of the ledger, each kind a frozen type, and the strict codec of their lines."""
 
-from __future__ import annotations
-
 import hashlib
 import re
 from collections.abc import Iterable, Mapping

@@ -1,7 +1,5 @@
 """What was frozen before the first step, and what verdicts are judged by: catalogue, calibration, date."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field

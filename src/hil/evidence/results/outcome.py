@@ -1,7 +1,5 @@
 """The results of a run as a type, the rule for a verdict, and the strict codec of `data/results.json`."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 
 import msgspec

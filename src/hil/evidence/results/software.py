@@ -1,7 +1,5 @@
 """The software of a run as it was frozen, and what of it is proven: product, workspace, and code of others."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import msgspec
