@@ -185,8 +185,8 @@ def densities(lines, numbers):
         data = series(*(part[name][own] for name in ("time", "voltage", "current")))
         for kind in (StepKind.CHARGE, StepKind.DISCHARGE):
             for found in incremental_capacities(data, kind)[:1]:
-                name = f"{kind.value}, cycle {number}"
-                curves.append(Curve(name=name, x=found.voltage[::2].tolist(), y=found.density[::2].tolist()))
+                name, density = f"{kind.value}, cycle {number}", found.drawn(kind)
+                curves.append(Curve(name=name, x=found.voltage[::2].tolist(), y=density[::2].tolist()))
     return curves
 
 

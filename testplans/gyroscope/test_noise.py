@@ -75,10 +75,9 @@ def test_noise_at_rest(chamber, rotation, rate_sensor, doubts_of, record, check,
             disagreements = ()
             if model is not None:
                 disagreements = agreement(psd(rest[axis], rate, unit), model).doubts()
-                fitted = (model.curve.tau, model.fitted) if len(model.fitted) else None
                 chart(
                     "Allan deviation at rest",
-                    Curve(name=f"axis {axis}", x=model.curve.tau, y=model.curve.deviation, model=fitted),
+                    Curve(name=f"axis {axis}", x=model.curve.tau, y=model.curve.figures, model=model.line),
                     x=("averaging time", "s"),
                     y=("Allan deviation", unit),
                     log=True,

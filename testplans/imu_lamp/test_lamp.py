@@ -104,8 +104,10 @@ def draw(series, drifts, chart):
     """Draw the axes of one sensor over temperature, without their means, heating and cooling apart."""
     curves = []
     for axis, found in drifts.items():
-        warmer = found.temperature - found.temperature.mean() if len(found.time) else found.temperature
-        line, change = found.slope.value * warmer, found.value - found.value.mean() if len(found.time) else found.value
+        if not len(found.time):
+            continue
+        mean = found.value.mean()
+        line, change = found.line(found.temperature) - mean, found.value - mean
         for name, leg in (("heating", found.heating > 0), ("cooling", found.heating < 0)):
             if leg.any():
                 model = (found.temperature[leg], line[leg]) if name == "heating" else None

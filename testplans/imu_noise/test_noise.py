@@ -95,9 +95,8 @@ class Campaign:
                 told = f"{model}, {axis}"
                 check(requirement, parameter, figures[parameter], of=axis, doubts=doubts, at=told, headline=headline)
             if found is not None:
-                fitted = (found.curve.tau, found.fitted) if len(found.fitted) else None
                 short = axis.removeprefix(f"{self.role}.")
-                curves.append(Curve(name=short, x=found.curve.tau, y=found.curve.deviation, model=fitted))
+                curves.append(Curve(name=short, x=found.curve.tau, y=found.curve.figures, model=found.line))
         if curves:
             chart(
                 f"Allan deviation at rest: {self.role} of the {model}",

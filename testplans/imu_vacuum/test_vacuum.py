@@ -165,7 +165,7 @@ def judge(found, check):
                     check(f"IMU-TVC-{requirement}", parameter, not_observable(f"{unit}/{per}"), of=of, doubts=why)
 
 
-def draw(found, chart, reference):
+def draw(found, chart):
     """Draw every sensor over temperature, and the drift of every way of those for which there is a limit.
 
     All ways are drawn together, without their means, with the lines of the widest way.
@@ -183,7 +183,7 @@ def draw(found, chart, reference):
                 np.concatenate([getattr(each, what) for each in told]) for what in ("temperature", "value", "heating")
             )
             ends = np.array([line.temperature.min(), line.temperature.max()])
-            model = (ends, line.offset.value + line.slope.value * (ends - reference) - value.mean())
+            model = (ends, line.line(ends) - value.mean())
             for leg, branch in (("heating", heating > 0), ("cooling", heating < 0)):
                 curves.append(
                     Curve(
@@ -242,5 +242,5 @@ def test_vacuum(thermal, clock, sensor_set, check, chart, step, artifact, parame
         check("IMU-TVC-011", "recorded", Figure(value=recorded / lasted, unit="1"), headline="Part recorded")
     with step("Say what each fragment shows"):
         artifact("fragments.csv", table(found))
-        draw(found, chart, parameters.reference)
+        draw(found, chart)
         judge(found, check)

@@ -156,10 +156,10 @@ def draw(report, readings, turning, true, chart):
     """Draw where on the sphere the readings are, and the error of the magnitude before and, below, after."""
     field_of = report.calibration.correct(turning)
     some = slice(None, None, max(1, len(turning) // DRAWN))
-    across = field_of / np.linalg.norm(field_of, axis=1)[:, np.newaxis]
+    turn, height = report.calibration.directions(turning[some])
     chart(
         "Directions of the calibrated readings",
-        Curve(name="readings", x=np.degrees(np.arctan2(across[some, 1], across[some, 0])), y=across[some, 2]),
+        Curve(name="readings", x=turn, y=height),
         x=("direction about z", "deg"),
         y=("z of the direction", "1"),
     )

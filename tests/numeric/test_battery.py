@@ -238,6 +238,8 @@ def test_peaks_of_dq_dv_are_found_under_noise():
     charge = np.linspace(0.0, total[-1], 4000)
     voltage = np.interp(charge, total, level) + 0.002 * np.random.default_rng(5).standard_normal(4000)
     curve = incremental_capacity(np.round(voltage, 3), charge, prominence=0.1)
+    assert (curve.drawn(StepKind.DISCHARGE) == -curve.drawn(StepKind.CHARGE)).all()
+    assert curve.drawn(StepKind.CHARGE).max() > 0.0
     assert [peak.voltage for peak in curve.peaks] == pytest.approx([3.65, 3.95], abs=0.005)
     assert curve.peaks[0].height == pytest.approx(density[np.argmin(np.abs(level - 3.65))], rel=0.05)
     assert integrate.trapezoid(curve.density, curve.voltage) == pytest.approx(total[-1], rel=0.02)

@@ -73,6 +73,11 @@ class Drift:
     value: _Array
     heating: NDArray[np.int8]
 
+    def line(self, temperature: ArrayLike) -> _Array:
+        """Return the line of slope and offset at temperatures in degC: it goes through the mean of the bins."""
+        warmer = np.asarray(temperature, dtype=np.float64) - self.temperature.mean()
+        return np.asarray(self.value.mean() + self.slope.value * warmer)
+
     def why(self, name: str) -> list[str]:
         """Return why a figure of this name is not observable, for a check's `doubts`; empty where it is."""
         return [f"{name} is not observable: {self.reasons[name]}"] if name in self.reasons else []

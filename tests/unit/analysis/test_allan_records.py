@@ -93,6 +93,19 @@ def test_the_fit_leaves_out_what_is_below_tau_min():
     assert model.curve.tau[0] == 0.01
 
 
+def test_a_chart_has_the_line_where_it_was_fitted_and_bars_by_the_degrees_of_freedom():
+    """What the command and the plans draw; a stuck channel has neither a line nor bars."""
+    found = characterise(np.random.default_rng(2).standard_normal(4000), 100.0, "deg/s", tau_min=0.04)
+    tau, fitted = found.line
+    assert tau.tolist() == [each for each in found.curve.tau.tolist() if each >= 0.04]
+    assert fitted.tolist() == found.fitted[-tau.size :].tolist()
+    bars = [each.uncertainty / each.value for each in found.curve.figures]
+    assert bars == pytest.approx(1.0 / np.sqrt(2.0 * found.curve.edf))
+    stuck = characterise(np.zeros(4000), 100.0, "deg/s")
+    assert stuck.line is None
+    assert not any(each.uncertainty for each in stuck.curve.figures)
+
+
 def test_integers_are_read_as_rates():
     """Raw counts come as integers."""
     data = np.random.default_rng(2).integers(-30, 30, 1000)

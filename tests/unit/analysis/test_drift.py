@@ -76,6 +76,14 @@ def test_the_line_is_that_of_an_independent_library():
     assert (found.slope.unit, found.offset.unit, found.per_hour.unit) == ("deg/s/K", "deg/s", "deg/s/h")
 
 
+def test_the_line_of_a_chart_is_that_of_the_figures():
+    """At the reference it is the offset, and it rises by the slope."""
+    found = drift_of(TIME, HEATED, white() + 0.02 * (HEATED - 25), "uT", reference=30.0)
+    at, above = found.line([30.0, 31.0])
+    assert at == pytest.approx(found.offset.value, abs=1e-12)
+    assert above - at == pytest.approx(found.slope.value)
+
+
 def test_hysteresis_is_the_mean_of_heating_minus_cooling():
     """A value that lags its thermometer by five seconds; the truth is the mean over the temperatures of both legs."""
     lag, slope = 5.0, 0.074

@@ -119,6 +119,16 @@ def test_the_export_gives_back_the_samples():
     assert "positive-definite" in document["identifiability"]
 
 
+def test_directions_are_those_of_the_calibrated_field():
+    """Along x, y and -z once bias and matrix are taken off."""
+    calibration = REPORT.calibration
+    axes = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]])
+    readings = axes @ np.linalg.inv(np.array(calibration.matrix)).T * 30.0 + np.array(calibration.bias)
+    turn, height = calibration.directions(readings)
+    assert turn[:2] == pytest.approx([0.0, 90.0], abs=1e-6)
+    assert height == pytest.approx([0.0, 0.0, -1.0], abs=1e-9)
+
+
 def test_a_stated_noise_is_used_and_held_against_the_residuals():
     """Uncertainties follow from it; residuals that are far larger trip the gate."""
     calm = calibrate_magnetometer(READINGS, "uT", field=48.0, noise=0.2)

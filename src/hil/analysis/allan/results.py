@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import TypeAlias
 
@@ -53,6 +54,15 @@ class AllanCurve:
     alpha: NDArray[np.int64]
     starts: int = 0
 
+    @property
+    def figures(self) -> tuple[Figure, ...]:
+        """The deviations with their standard uncertainties, deviation / sqrt(2 edf): what a chart draws with bars."""
+        pairs = zip(self.deviation.tolist(), self.edf.tolist(), strict=True)
+        return tuple(
+            Figure(value=value, unit=self.unit, uncertainty=value / math.sqrt(2.0 * edf) if edf > 0.0 else None)
+            for value, edf in pairs
+        )
+
     def scaled(self, scale: float) -> AllanCurve:
         """Return the curve of data that are as many times as large."""
         return replace(self, deviation=self.deviation * scale, low=self.low * scale, high=self.high * scale)
@@ -89,6 +99,17 @@ class NoiseModel:
     chi: float
     tau_min: float
     remark: str
+
+    @property
+    def in_fit(self) -> NDArray[np.bool_]:
+        """Which of the curve's averaging times were fitted, from `tau_min` on; none where nothing was fitted."""
+        return (self.curve.tau >= self.tau_min * (1.0 - 1e-9)) & bool(self.fitted.size)
+
+    @property
+    def line(self) -> tuple[_Array, _Array] | None:
+        """Averaging times and deviations of the model where it was fitted; None where nothing was."""
+        part = self.in_fit
+        return (self.curve.tau[part], self.fitted[part]) if part.any() else None
 
     def scaled(self, scale: float) -> NoiseModel:
         """Return the model of data that are as many times as large: averaging times stay."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hil.analysis.battery.steps import StepKind
 from hil.model.errors import Refused
 
 __all__ = ["IncrementalCapacity", "Peak", "incremental_capacity"]
@@ -42,6 +43,10 @@ class IncrementalCapacity:
     voltage: NDArray[np.float64]
     density: NDArray[np.float64]
     peaks: tuple[Peak, ...]
+
+    def drawn(self, kind: StepKind) -> NDArray[np.float64]:
+        """Return the density as charts have it: below zero for a discharge, so that it does not cover the charge."""
+        return -self.density if kind is StepKind.DISCHARGE else self.density
 
 
 def incremental_capacity(

@@ -96,6 +96,16 @@ class Calibration:
             bias = bias + np.multiply.outer(warmer, np.array(self.warmth.drift))
         return np.asarray((np.asarray(measured, dtype=np.float64) - bias) @ np.array(self.matrix).T)
 
+    def directions(
+        self, measured: ArrayLike, temperature: ArrayLike | None = None
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return where fields for readings (n, 3) point: angle about z in deg and z of the direction, shape (n,) each.
+
+        Equal areas of the sphere are equal areas of a map of these. Arguments as of `correct`.
+        """
+        field = self.correct(measured, temperature)
+        return np.degrees(np.arctan2(field[:, 1], field[:, 0])), field[:, 2] / np.sqrt(np.square(field).sum(axis=1))
+
     @property
     @traced
     def drifts(self) -> Mapping[str, Figure]:

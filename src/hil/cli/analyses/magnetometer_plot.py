@@ -34,16 +34,16 @@ def draw(
     """
     if not np.isfinite(report.residual).any():
         raise Refused(f"{path}: there is no ellipsoid to draw", "measure attitudes all over the sphere")
-    save(path, lambda: _drawn(report, report.calibration.correct(readings, temperature)))
+    turn, height = report.calibration.directions(readings, temperature)
+    save(path, lambda: _drawn(report, turn, height))
 
 
-def _drawn(report: MagnetometerReport, field: NDArray[np.float64]) -> Figure:
+def _drawn(report: MagnetometerReport, turn: NDArray[np.float64], height: NDArray[np.float64]) -> Figure:
     figure = Figure(figsize=(7.0, 6.0), dpi=120, layout="constrained")
     above, below = figure.subplots(2, 1)
-    left_out = np.zeros(len(field), dtype=bool)
+    left_out = np.zeros(len(turn), dtype=bool)
     left_out[list(report.outliers)] = True
-    number, turn = np.arange(1, len(field) + 1), np.degrees(np.arctan2(field[:, 1], field[:, 0]))
-    height = field[:, 2] / np.sqrt(np.square(field).sum(axis=1))
+    number = np.arange(1, len(turn) + 1)
     for which, mark, colour, label in (
         (~left_out, ".", COLOURS[0], "used"), (left_out, "x", COLOURS[1], "outlier"),
     ):  # fmt: skip

@@ -193,7 +193,7 @@ def _allan(drawn: Sequence[Axis]) -> Figure:
             tau, deviation, yerr=reach, fmt=mark, color=colour, markersize=4, capsize=2, label=called(axis.name)
         )
         if axis.model.fitted.size and curve.estimator in _MODELLED:
-            fitted = axis.model.curve.tau >= axis.model.tau_min * (1.0 - 1e-9)
+            fitted = axis.model.in_fit
             for part, line in ((fitted, "-"), (~fitted | (np.cumsum(fitted) == 1), ":")):
                 axes.plot(axis.model.curve.tau[part], axis.model.fitted[part], line, color=colour, linewidth=1)
     curve = drawn[0].curve
@@ -289,8 +289,7 @@ def _density(axes: Axes, data: Series, how: Segmentation) -> None:
     for number, kind in enumerate(_KINDS):
         curves = incremental_capacities(data, kind, how)
         for curve in curves[:: max(len(curves) // _MOST, 1)]:
-            sign = 1.0 if kind is StepKind.CHARGE else -1.0
-            axes.plot(curve.voltage, sign * curve.density, color=COLOURS[number], linewidth=0.8)
+            axes.plot(curve.voltage, curve.drawn(kind), color=COLOURS[number], linewidth=0.8)
 
 
 def _over_cycles(axes: Axes, summary: Summary, quantity: str, fading: str) -> None:
@@ -336,8 +335,7 @@ def _drift(unit: str, fragments: Sequence[Mapping[str, Drift]]) -> Figure:
                 axes.plot(across, up, mark, color=colour, markerfacecolor=fill, markersize=4)
             if "slope" not in each.reasons:
                 ends = np.array([each.temperature.min(), each.temperature.max()])
-                middle = each.value.mean() - each.slope.value * each.temperature.mean()
-                axes.plot(ends, middle + each.slope.value * ends, color=colour, linewidth=1)
+                axes.plot(ends, each.line(ends), color=colour, linewidth=1)
         axes.set_ylabel(f"{called(name)} [{unit}]")
         axes.grid(visible=True, color="#dddddd", linewidth=0.5)
     panels[0].set_title("filled: heating; hollow: cooling or steady; lines: drift", fontsize="small", loc="right")

@@ -170,16 +170,21 @@ def _draw(path: Path, curve: IvCurve, measured: _Columns, to: tuple[float, float
     from hil.cli.analyses.plots import COLOURS, save  # noqa: PLC0415 - slow to import
 
     def drawn() -> Figure:
-        figure = Figure(figsize=(7.0, 4.5), dpi=120, layout="constrained")
-        axes = figure.subplots()
-        axes.plot(measured["voltage"], measured["current"], "x", color=COLOURS[1], markersize=4, label="measured")
+        figure = Figure(figsize=(7.0, 7.0), dpi=120, layout="constrained")
+        panels = figure.subplots(2, 1, sharex=True)
         shown = "corrected to {:g} W/m^2, {:g} degC".format(*to) if to else "used"
-        axes.plot(curve.voltage, curve.current, ".-", color=COLOURS[0], markersize=4, label=shown)
-        peak = [curve.figures[f"{name}_at_maximum"].value for name in ("voltage", "current")]
-        axes.plot(peak[:1], peak[1:], "o", color=COLOURS[2], label="maximum power")
-        axes.set(xlabel="voltage [V]", ylabel="current [A]")
-        axes.grid(visible=True, color="#dddddd", linewidth=0.5)
-        axes.legend()
+        volts, amperes = (curve.figures[f"{name}_at_maximum"].value for name in ("voltage", "current"))
+        for axes, powered in zip(panels, (0, 1), strict=True):
+            for voltage, current, mark, colour, label in (
+                (measured["voltage"], measured["current"], "x", COLOURS[1], "measured"),
+                (curve.voltage, curve.current, ".-", COLOURS[0], shown),
+                (volts, amperes, "o", COLOURS[2], "maximum power"),
+            ):
+                axes.plot(voltage, current * voltage**powered, mark, color=colour, markersize=4, label=label)
+            axes.grid(visible=True, color="#dddddd", linewidth=0.5)
+        panels[0].set_ylabel("current [A]")
+        panels[0].legend()
+        panels[1].set(xlabel="voltage [V]", ylabel="power [W]")
         return figure
 
     save(path, drawn)
