@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from hil.analysis.gates import Gate
 from hil.analysis.sampling import SamplingReport, placed
+from hil.documents.text import counted
 
 __all__ = ["TIME_UNITS", "Timeline", "time_unit", "timeline", "unwrapped"]
 
@@ -144,16 +145,12 @@ def _filled(raw: _Array, remarks: list[str]) -> tuple[_Array, list[Gate]]:
     good = np.flatnonzero(np.isfinite(raw))
     filled = raw.copy()
     filled[bad] = np.interp(bad, good, raw[good])
-    told = f"{_counted(bad.size, 'timestamp')} of {raw.size} not a number, the first is number {bad[0] + 1}"
+    told = f"{counted(bad.size, 'timestamp')} of {raw.size} not a number, the first is number {bad[0] + 1}"
     remarks.append(f"{told}; taken from the timestamps beside it")
     ends = bad[0] == 0 or bad[-1] == raw.size - 1
     numbers = tuple((bad[:_NAMED] + 1).tolist())
     ok = not ends and bad.size <= 0.01 * raw.size
     return filled, [Gate(name="times", channel="", ok=ok, reason=told, samples=numbers)]
-
-
-def _counted(number: int, what: str) -> str:
-    return f"{number} {what}" if number == 1 else f"{number} {what}s"
 
 
 def unwrapped(raw: _Array) -> tuple[_Array, tuple[str, ...]]:

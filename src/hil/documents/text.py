@@ -14,6 +14,7 @@ if TYPE_CHECKING:  # every command shows text, and few read documents
 
 __all__ = [
     "MOST_BYTES",
+    "counted",
     "decoded",
     "hidden_character",
     "is_there",
@@ -45,6 +46,11 @@ _UNSAFE = re.compile(f"[\x00-\x08\x0b-\x1f\x7f-\x9f{_REORDERING}]")
 def hidden_character(text: str) -> re.Match[str] | None:
     """Return the first control, bidirectional or invisible character of `text`, or None."""
     return _HIDDEN.search(text)
+
+
+def counted(count: int, word: str) -> str:
+    """Return a number with its noun."""
+    return f"{count} {word}{'' if count == 1 else 's'}"
 
 
 def visible(text: str) -> str:

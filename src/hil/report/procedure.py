@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 
+from hil.documents.text import counted
 from hil.evidence.events import (
     CaseEnd,
     Check,
@@ -23,7 +24,6 @@ from hil.evidence.results.derived import BY_CASES
 from hil.report.material import Body, demands, text, unspoken
 from hil.report.numbers import bench_time, duration, number, quantity
 from hil.report.page.as_run import Placed, attributed, limit_of
-from hil.report.sentences import counted
 from hil.report.tables import labelled
 
 __all__ = ["procedure_lines"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+from hil.documents.text import counted
 from hil.evidence.results.outcome import EXCEPTION, CaseOutcome, Condition, HoldOutcome, Outcome, RequirementOutcome
 from hil.model.identity import Source
 from hil.model.verdict import NO_CHECK, Verdict
@@ -16,7 +17,6 @@ __all__ = [
     "closings",
     "common_proofs",
     "common_reasons",
-    "counted",
     "exceptions",
     "headline",
     "holds",
@@ -205,8 +205,3 @@ def in_short(word: Verdict, reasons: Sequence[str]) -> list[str]:
         return reasons
     names = [name for name, _, _ in missing]
     return [*others, f"checks of {', '.join(names[:-1])} and {names[-1]} are missing; the report names them"]
-
-
-def counted(count: int, word: str) -> str:
-    """Return a number with its noun."""
-    return f"{count} {word}{'' if count == 1 else 's'}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 
+from hil.documents.text import counted
 from hil.evidence.events import Check
 from hil.evidence.results.outcome import CaseOutcome, Outcome
 from hil.model.verdict import Verdict
@@ -11,7 +12,6 @@ from hil.report.page.as_run import check_row
 from hil.report.sentences import (
     closing_sentence,
     closings,
-    counted,
     headline,
     holds,
     in_short,

@@ -7,6 +7,7 @@ from itertools import groupby
 from pathlib import Path
 
 from hil.audit.pages.markup import asset, escaped, plain
+from hil.documents.text import counted
 from hil.report.numbers import measured
 from hil.selection.document import Cell, Document, Excluded, Share, Standing
 
@@ -44,7 +45,7 @@ def _top(document: Document) -> str:
         "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'\">\n"
         f"<title>Selection · {plain(document.title)}</title>\n<style>\n{style}\n</style>\n</head>\n<body>\n"
         '<header class="masthead"><p class="kind">Selection</p>'
-        f'<p class="soft">from {_counted(len(document.packages), "package")}</p></header>\n'
+        f'<p class="soft">from {counted(len(document.packages), "package")}</p></header>\n'
     )
 
 
@@ -225,7 +226,3 @@ def _method(document: Document) -> str:
         "wins if all of those that were not judged are better than it, and if none is.</p>\n"
         f"<p>hil {escaped(document.version)}. Equal packages and criteria give this page byte for byte.</p>\n"
     )
-
-
-def _counted(count: int, noun: str) -> str:
-    return f"{count} {noun}{'' if count == 1 else 's'}"

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from hil.audit.document import Document, GapKind, Summary
 from hil.audit.reasons import Code
+from hil.documents.text import counted
 
 __all__ = ["GROUPS", "as_lines"]
 
@@ -55,7 +56,7 @@ def as_lines(document: Document) -> Iterator[str]:
     """Yield the lines: wrapped to 80 columns, but for problems, which name files and stand in one line each."""
     summary = document.summary
     day = f" at the end of {document.as_of}" if document.as_of else ""
-    asked = _counted(summary.requirements, "requirement")
+    asked = counted(summary.requirements, "requirement")
     yield f"{document.workspace}{day}: {summary.closed} of {asked} closed, {summary.open} open"
     yield "compliance: " + ", ".join(f"{count} {word}" for word, count in summary.compliance.items())
     if summary.waived:
@@ -74,7 +75,7 @@ def _others(document: Document) -> Iterator[str]:
         yield "parts of other packages:"
         runs = Counter(each.text for each in document.others)
         for text in list(runs)[:_MOST]:
-            yield from _wrapped(f"{text} ({_counted(runs[text], 'run')})", "  ", "    ")
+            yield from _wrapped(f"{text} ({counted(runs[text], 'run')})", "  ", "    ")
         yield from _more(list(runs), "part")
 
 
@@ -84,7 +85,7 @@ def _exceptions(document: Document) -> Iterator[str]:
     closed = document.summary.by_exception
     yield ""
     yield from _wrapped("EXCEPTION: instruments that count as hardware because the bench file says so", "", "  ")
-    yield f"  {_counted(closed, 'requirement')} {'is' if closed == 1 else 'are'} closed by such runs"
+    yield f"  {counted(closed, 'requirement')} {'is' if closed == 1 else 'are'} closed by such runs"
     for each in document.exceptions[:_MOST]:
         yield f"  {each.package}"
         yield from _wrapped(f"{each.instrument}: {each.reason}", "    ")
@@ -130,7 +131,7 @@ def _on_hardware(summary: Summary) -> Iterator[str]:
     if not summary.elsewhere:
         return
     closed, left = len(summary.on_hardware), summary.elsewhere - len(summary.on_hardware)
-    asked = _counted(summary.elsewhere, "open requirement")
+    asked = counted(summary.elsewhere, "open requirement")
     yield ""
     yield f"If the same runs were made on hardware: {asked} with simulated runs"
     if closed:
@@ -147,7 +148,7 @@ def _on_hardware(summary: Summary) -> Iterator[str]:
 
 def _more(each: Sequence[object], noun: str) -> Iterator[str]:
     if len(each) > _MOST:
-        yield f"  and {_counted(len(each) - _MOST, f'more {noun}')}"
+        yield f"  and {counted(len(each) - _MOST, f'more {noun}')}"
 
 
 def _wrapped(text: str, first: str = "", further: str = "    ") -> Iterable[str]:
@@ -164,7 +165,3 @@ def _wrapped(text: str, first: str = "", further: str = "    ") -> Iterable[str]
 def _some(names: Sequence[str]) -> str:
     shown = ", ".join(names[:_MOST])
     return shown if len(names) <= _MOST else f"{shown} and {len(names) - _MOST} more"
-
-
-def _counted(count: int, noun: str) -> str:
-    return f"{count} {noun}{'' if count == 1 else 's'}"

@@ -18,7 +18,7 @@ from hil.cli.display import write_bytes
 from hil.cli.options import name_option
 from hil.clock import wall
 from hil.clock.wall import is_date
-from hil.documents.text import visible
+from hil.documents.text import counted, visible
 from hil.executive.setup.workspace import find_workspace
 from hil.model.errors import Refused
 
@@ -241,7 +241,7 @@ def _record(world: World, document: Document, folders: Folders) -> None:
     if (folders.fixtures / SIGNERS).exists():
         keep_signers(folders.reports, load_signers(folders.fixtures))
     baselines, changes = record(folders.reports, world, document)
-    click.echo(f"recorded: {_counted(baselines, 'baseline')}, {_counted(changes, 'change')} of status", err=True)
+    click.echo(f"recorded: {counted(baselines, 'baseline')}, {counted(changes, 'change')} of status", err=True)
 
 
 def _suppose(world: World, folders: Folders, changed: str) -> int:
@@ -269,7 +269,7 @@ def _is_damaged(document: Document, world: World) -> bool:
 
 def _changed_lines(found: Sequence[Change], before: Document) -> Iterator[str]:
     reopened = sum(change.what == "reopened" for change in found)
-    closed = _counted(before.summary.closed, "closed requirement")
+    closed = counted(before.summary.closed, "closed requirement")
     yield f"{reopened} of {closed} would be reopened, {len(found) - reopened} more changed"
     for change in found:
         yield f"{change.what:9} {change.id}"
@@ -279,7 +279,3 @@ def _changed_lines(found: Sequence[Change], before: Document) -> Iterator[str]:
             yield f"  - {reason.code}: {reason.text}"
         for sentence in change.told:
             yield f"  * {sentence}"
-
-
-def _counted(count: int, noun: str) -> str:
-    return f"{count} {noun}{'' if count == 1 else 's'}"

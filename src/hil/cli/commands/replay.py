@@ -27,11 +27,11 @@ def command(run: str) -> int:
     package's seal: what an older analysis judged counts again if the present one comes to the same verdicts.
     """
     pin()
+    from hil.documents.text import counted  # noqa: PLC0415 - after the pins
     from hil.evidence.package.contents import Package  # noqa: PLC0415 - after the pins
     from hil.evidence.package.listing import list_folder  # noqa: PLC0415 - after the pins
     from hil.evidence.package.verification import State, verify  # noqa: PLC0415 - after the pins
     from hil.plugin.rehearsing import replay  # noqa: PLC0415 - after the pins
-    from hil.report.sentences import counted  # noqa: PLC0415 - after the pins
 
     folder = find_run(run)
     if odd := list_folder(folder).odd:

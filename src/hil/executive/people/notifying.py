@@ -15,10 +15,10 @@ from typing import ClassVar
 
 from hil.clock import wall
 from hil.documents.canonical import canonical
+from hil.documents.text import counted
 from hil.evidence import events
 from hil.evidence.events import EventSink
 from hil.model.verdict import Verdict, worst
-from hil.report.sentences import counted
 
 __all__ = ["Notifier"]
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import groupby
 
+from hil.documents.text import counted
 from hil.evidence.events import Chart, ChartCurve, ChartLimit
 from hil.report.drawing.panel import (
     DISC,
@@ -21,7 +22,6 @@ from hil.report.drawing.panel import (
     spread,
     width_of,
 )
-from hil.report.sentences import counted
 
 __all__ = ["chart_graphics", "draw_chart"]
 

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from hil.documents.canonical import parse_strict
+from hil.documents.text import counted
 from hil.evidence.events import Case, Chart, Check, Event, Fed, NotRun, Orphan, Recording, Run
 from hil.evidence.results.outcome import OTHERS, AttemptOutcome, CaseOutcome, Outcome, RequirementOutcome
 from hil.model.identity import Source
@@ -55,7 +56,6 @@ from hil.report.sentences import (
     closings,
     common_proofs,
     common_reasons,
-    counted,
     headline,
     holds,
     proofs,
