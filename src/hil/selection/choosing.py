@@ -357,10 +357,8 @@ def _warnings(
     counted = [each for each in packages if chosen.used[each.digest]]
     for source in (Source.SIMULATED, Source.REPLAYED):
         if number := sum(each.source == source for each in counted):
-            yield (
-                f"{source.upper()}: {number} of {len(counted)} packages that count {_are(number)} {source}; this says "
-                "nothing of real sensors"
-            )
+            those = f"{number} of {len(counted)} packages that count {'is' if number == 1 else 'are'} {source}"
+            yield f"{source.upper()}: {those}; this says nothing of real sensors"
     for reason, parameters in sorted(chosen.unproven.items()):
         told = ", ".join(sorted(parameters))
         if reason == CALCULATED:
@@ -373,10 +371,6 @@ def _warnings(
         yield f"Not given, though {'it has' if len(left_out) == 1 else 'they have'} such figures: {_listed(left_out)}"
     if missing:
         yield f"The ledger names runs that are not here, and may have such figures: {_listed(missing)}"
-
-
-def _are(number: int) -> str:
-    return "is" if number == 1 else "are"
 
 
 def _listed(runs: Sequence[str]) -> str:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from hil.analysis.allan.results import AllanCurve, NoiseModel
 from hil.analysis.gates import Gate
 from hil.cli.analyses.log import INCONCLUSIVE, Log, log_as_json, status
+from hil.documents.text import counted
 from hil.model.figure import Figure, FigureStatus
 from hil.report.tables import aligned, fitting
 
@@ -141,7 +142,7 @@ def heading(log: Log) -> Iterator[str]:
         return
     gaps = "no gaps"
     if sampling.gaps:
-        count = f"{sampling.gaps} gap{'' if sampling.gaps == 1 else 's'}"
+        count = counted(sampling.gaps, "gap")
         gaps = f"{count} (longest {sampling.longest_gap:.4g} s, about {sampling.missing} samples missing)"
     rate = stated(Figure(value=sampling.rate, unit="Hz", uncertainty=sampling.rate_uncertainty))
     jitter = f"{_short(sampling.jitter_rms)} rms, {_short(sampling.jitter_max)} peak"

@@ -47,7 +47,7 @@ _UNITS = {"voltage": "V", "current": "A", "irradiance": "W/m^2", "temperature": 
 @click.option("--light", type=FINITE, default=0.0, metavar="B1", help="Relative change of voltage over ln(irradiance).")
 @click.option("--nominal-voltage", type=ABOVE_ZERO, metavar="V", help="Open-circuit voltage of the data sheet.")
 @click.option("--nominal-current", type=ABOVE_ZERO, metavar="A", help="Short-circuit current of the data sheet.")
-@plot_option("the curve")
+@plot_option("current and power")
 @click.option("--export", type=click.Path(path_type=Path), metavar="FILE", help="Write the corrected points as CSV.")
 @JSON
 def solar(*, file: Path, plot: Path | None, export: Path | None, as_json: bool, **asked: Any) -> int:  # noqa: ANN401

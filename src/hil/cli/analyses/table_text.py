@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from hil.analysis.published.check import CellVerdict, CheckedCell
+from hil.documents.text import counted
 from hil.report.tables import aligned, fitting
 
 if TYPE_CHECKING:
@@ -83,7 +84,7 @@ def as_text(file: str, job: Job, tables: Sequence[CheckedTable], *, every: bool)
         lines.append(f"source: {job.source}")
     for table in tables:
         lines += ["", *_part(table, every=every)]
-    lines += ["", f"{_told(_counts(tables))} in {len(tables)} table{'s' * (len(tables) != 1)}"]
+    lines += ["", f"{_told(_counts(tables))} in {counted(len(tables), 'table')}"]
     return "\n".join(fitting(lines, _WIDTH))
 
 
@@ -95,7 +96,7 @@ def _told(counts: Counter[CellVerdict]) -> str:
     total = sum(counts.values())
     parts = [(CellVerdict.FOLLOWS, "follow"), (CellVerdict.DOES_NOT_FOLLOW, "do not"), (CellVerdict.UNKNOWN, "unknown")]
     said = ", ".join(f"{counts[verdict]} {words}" for verdict, words in parts if counts[verdict])
-    return f"{total} cell{'s' * (total != 1)}: {said}" if total else "no cells"
+    return f"{counted(total, 'cell')}: {said}" if total else "no cells"
 
 
 def _part(table: CheckedTable, *, every: bool) -> Iterator[str]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from hil.cli.run_names import find_run, shown
+from hil.documents.text import counted
 from hil.model.errors import Refused
 
 if TYPE_CHECKING:
@@ -84,4 +85,4 @@ def _table(separator: str | None, decimal: str | None, facts: str | None) -> Tab
 
 def _told(facts: Facts) -> str:
     rows = facts["rows"]
-    return f"{rows} row{'' if rows == 1 else 's'}{'' if facts['complete'] else ', INCOMPLETE'}"
+    return f"{counted(rows, 'row')}{'' if facts['complete'] else ', INCOMPLETE'}"
