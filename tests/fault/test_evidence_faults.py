@@ -260,7 +260,7 @@ def test_a_seal_without_space_can_be_finished_later(tmp_path, monkeypatch):
 
 
 def test_a_torn_tail_is_cut_at_every_byte(tmp_path):
-    """Wherever the last line was torn: the lines before stay, the tail is kept, and cutting twice changes nothing."""
+    """Wherever a line was torn: the lines before stay, and the tail is kept once, and told until an event tells it."""
     folder = tmp_path / "run"
     begin(folder).close()
     data = (folder / JOURNAL).read_bytes()
@@ -272,8 +272,8 @@ def test_a_torn_tail_is_cut_at_every_byte(tmp_path):
         assert cut_torn_tail(folder) == end - start
         reading = read_journal(folder / JOURNAL)
         assert (len(reading.lines), reading.torn, reading.findings) == (whole, b"", ())
+        assert cut_torn_tail(folder) == end - start
         assert ((folder / TORN).read_bytes() if end > start else b"") == data[start:end]
-        assert cut_torn_tail(folder) == 0
 
 
 def test_a_tail_that_was_kept_and_not_cut_is_kept_once(tmp_path):
@@ -284,6 +284,18 @@ def test_a_tail_that_was_kept_and_not_cut_is_kept_once(tmp_path):
     (tmp_path / TORN).write_bytes(b'{"body":')
     assert cut_torn_tail(tmp_path) == 8
     assert (tmp_path / TORN).read_bytes() == b'{"body":'
+
+
+def test_a_second_tail_like_the_first_is_kept_as_well(tmp_path):
+    """Two lines that were torn at the same place are two, where an event tells of the first."""
+    journal = begin(tmp_path)
+    journal.write(event_of("recovered", torn_bytes=8, text="sealed as it is"), 1.0)
+    journal.close()
+    with (tmp_path / JOURNAL).open("ab") as stream:
+        stream.write(b'{"body":')
+    (tmp_path / TORN).write_bytes(b'{"body":')
+    assert cut_torn_tail(tmp_path) == 8
+    assert (tmp_path / TORN).read_bytes() == b'{"body":' * 2
 
 
 def test_a_torn_run_is_recovered_and_says_so(tmp_path):

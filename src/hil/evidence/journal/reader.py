@@ -15,7 +15,7 @@ import msgspec
 
 from hil.documents.canonical import JsonError, parse_strict
 from hil.evidence.durable import open_plain, read_plain, sync_file, sync_folder
-from hil.evidence.events import Event, Results
+from hil.evidence.events import Event, Recovered, Results, Resumed
 from hil.evidence.events.codec import decode, is_text_of
 from hil.evidence.folder import JOURNAL, TORN
 from hil.model.errors import EvidenceError, Finding
@@ -173,26 +173,36 @@ def require_known_format(reading: JournalReading) -> None:
 
 
 def cut_torn_tail(folder: Path) -> int:
-    """Move half a line at the journal's end into a file of its own; return how many bytes that were.
+    """Move half a line at the journal's end into a file of its own; return how many bytes there no event tells of.
 
-    The tail is on the disk in its new place before it goes from the old one.
+    The tail is on the disk in its new place before it goes from the old one. Whoever was ended between that and the
+    event that tells of it has left it there, to be told by the next.
     """
     journal, kept = folder / JOURNAL, folder / TORN
     with open_plain(journal) as stream:
         size, begin = _torn_part(stream)
-        if begin == size:
-            return 0
         stream.seek(begin)
         torn = stream.read(size - begin)
-    already = read_plain(kept) if kept.exists() else b""
-    if not already.endswith(torn):
+    untold = _untold(journal, kept)
+    if not torn:
+        return untold
+    if not untold or not read_plain(kept).endswith(torn):
         with kept.open("ab") as stream:
             stream.write(torn)
         sync_file(kept)
         sync_folder(kept.parent)
+        untold += len(torn)
     os.truncate(journal, begin)
     sync_file(journal)
-    return len(torn)
+    return untold
+
+
+def _untold(journal: Path, kept: Path) -> int:
+    """Return how many bytes of earlier tails no event tells of."""
+    if not kept.exists():
+        return 0
+    told = (event.torn_bytes for event in read_journal(journal).events if isinstance(event, Recovered | Resumed))
+    return max(0, kept.stat().st_size - sum(told))
 
 
 def _torn_part(stream: BinaryIO) -> tuple[int, int]:
