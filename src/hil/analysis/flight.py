@@ -259,6 +259,7 @@ class _Logged:
             gates=(
                 *found.gates,
                 *_gates("field", vectors, self.field_facts, self.rate / self.every, at_rest=found.kind is Kind.REST),
+                _filled(vectors),
                 _stands(vectors, middle) if found.kind is Kind.REST else _agrees(agreement),
             ),
             remark=_odd(found.kind, still_field=still, turned=turns.value, ripple=ripple),
@@ -329,6 +330,13 @@ def _likely(rates: tuple[Figure, ...], degrees: float) -> Iterator[Gate]:
         reason = f"it reads {size:.3g} deg/s, more than a bias is: a steady turn about the field, or another unit"
         if size > _LARGEST:
             yield Gate(name="bias", channel=f"rate {axis}", ok=False, reason=reason)
+
+
+def _filled(vectors: _Array) -> Gate:
+    """Trip where the field is zero in all axes: no sensor reads that in any field, a program fills empty cells so."""
+    zeros = int(np.count_nonzero((vectors == 0.0).all(axis=1)))
+    reason = f"{zeros} readings are zero in all axes: where there is no reading, leave the cells empty"
+    return Gate(name="filled", channel="", ok=not zeros, reason=reason if zeros else "no reading is zero in all axes")
 
 
 def _stands(vectors: _Array, middle: Figure) -> Gate:

@@ -147,6 +147,15 @@ def test_gates_name_the_phase_that_they_speak_against():
     assert tripped(found(spiked, field)) == {(0, "spikes")}
 
 
+def test_a_field_that_was_filled_with_zeros_is_told():
+    """Attack: a program writes 0 where a slower magnetometer has no reading; every phase would be a rotation."""
+    rates, field = made([STILL, SPIN, STILL], RATE)
+    assert not {number for number, name in tripped(found(rates, field)) if name == "filled"}
+    field[np.arange(len(field)) % 5 != 0] = 0.0
+    its = found(rates, field)
+    assert {number for number, name in tripped(its) if name == "filled"} == set(range(len(its.phases)))
+
+
 def test_iron_of_the_body_shows_as_ripple():
     """More than 3 % of the magnitude in a turn asks for a calibration."""
     its = found(*made([STILL, SPIN, STILL], RATE, iron=(12.0, 0.0, 0.0)))

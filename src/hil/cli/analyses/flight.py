@@ -91,7 +91,9 @@ def _sensors(wanted: Wanted, field: str | None, unit: str | None, full_scale: fl
             raise Refused(f"{option} names {columns.count(',') + 1} columns", "name those of x, y and z")
     if wanted.columns is None:
         reason = "rest is told by the rates" if field is None else "a field that stands still may be turned about"
-        raise Refused(f"--columns is missing: {reason}", "name the columns of the rates of x, y and z")
+        hint = "name the columns of the rates of x, y and z"
+        alone = "; hil analyse magnetometer calibrates from the field alone"
+        raise Refused(f"--columns is missing: {reason}", hint if field is None else f"{hint}{alone}")
     if (field is None) != (unit is None):
         raise Refused("--field and --field-unit belong together", "give both, or neither")
     if field is None or unit is None:
