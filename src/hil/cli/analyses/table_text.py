@@ -19,6 +19,11 @@ if TYPE_CHECKING:
 
 __all__ = ["CheckedTable", "as_json", "as_text"]
 
+_VERBS = {  # of one cell, of several
+    CellVerdict.FOLLOWS: ("follows", "follow"),
+    CellVerdict.DOES_NOT_FOLLOW: ("does not", "do not"),
+    CellVerdict.UNKNOWN: ("unknown", "unknown"),
+}
 _WIDTH = 80
 _HEAD = ("row", "column", "printed", "recomputed", "")
 _LONGEST = 22  # characters of a row's or a column's name in a table of 80 columns
@@ -84,7 +89,7 @@ def as_text(file: str, job: Job, tables: Sequence[CheckedTable], *, every: bool)
         lines.append(f"source: {job.source}")
     for table in tables:
         lines += ["", *_part(table, every=every)]
-    lines += ["", f"{_told(_counts(tables))} in {counted(len(tables), 'table')}"]
+    lines += ["", _told(_counts(tables), f" in {counted(len(tables), 'table')}")]
     return "\n".join(fitting(lines, _WIDTH))
 
 
@@ -92,11 +97,10 @@ def _counts(tables: Sequence[CheckedTable]) -> Counter[CellVerdict]:
     return Counter(cell.verdict for each in tables for cell in each.cells)
 
 
-def _told(counts: Counter[CellVerdict]) -> str:
+def _told(counts: Counter[CellVerdict], where: str = "") -> str:
     total = sum(counts.values())
-    parts = [(CellVerdict.FOLLOWS, "follow"), (CellVerdict.DOES_NOT_FOLLOW, "do not"), (CellVerdict.UNKNOWN, "unknown")]
-    said = ", ".join(f"{counts[verdict]} {words}" for verdict, words in parts if counts[verdict])
-    return f"{counted(total, 'cell')}: {said}" if total else "no cells"
+    said = (f"{count} {_VERBS[verdict][count != 1]}" for verdict in _VERBS if (count := counts[verdict]))
+    return f"{counted(total, 'cell')}{where}: {', '.join(said)}" if total else "no cells"
 
 
 def _part(table: CheckedTable, *, every: bool) -> Iterator[str]:
