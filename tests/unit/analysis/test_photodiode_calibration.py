@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import subprocess
 from dataclasses import replace
@@ -42,6 +43,7 @@ def test_good_readings_are_conclusive():
     assert abs(REPORT.hysteresis) < 1e-3
     assert (REPORT.coldest, REPORT.hottest) == pytest.approx((15.0, 35.0))
     assert "separate photocurrent" in REPORT.identifiability
+    assert re.search(r"; they do not show .*a series resistance below \S+ ohm$", REPORT.identifiability)
 
 
 @pytest.mark.parametrize(

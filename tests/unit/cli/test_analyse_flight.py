@@ -30,7 +30,7 @@ def test_the_example_shows_six_phases(tmp_path):
     assert result.return_value == 0
     kinds = [line.split()[3] for line in result.stdout.splitlines()[5:11]]
     assert kinds == ["rest", "rotation", "unsteady", "rest", "rotation", "rest"]
-    assert "beginnings and ends to 2 s; rest 54%, rotation 40%, unsteady 5%" in result.stdout
+    assert "phases begin and end to within 2 s; rest 54%, rotation 40%, unsteady 5%" in result.stdout
     assert result.stdout.endswith(f" rest: hil analyse allan {LOG} --time t --columns gx,gy,gz --unit deg/s --to 118\n")
     assert "rotation" not in (tmp_path / "flight.svg").read_text()[:200]
 
@@ -40,7 +40,7 @@ def test_the_command_for_the_longest_rest_names_the_same_samples():
     result = run(LOG, *BOTH, "--from", "100", "--scale", "0.5", "--scaled-unit", "deg/s")
     assert "note: times count from 100 s of the log (--from)" in result.stdout
     *_, last = result.stdout.splitlines()
-    prefix = "all noise of the longest rest: hil analyse allan "
+    prefix = "flicker and random walk of the longest rest: hil analyse allan "
     begin = "--scale 0.5 --scaled-unit deg/s --from 270 --to 378"
     assert last == f"{prefix}{LOG} --time t --columns gx,gy,gz --unit deg/s {begin}"
     again = CliRunner().invoke(command, ["allan", *last.removeprefix(prefix).split()], standalone_mode=False)

@@ -36,7 +36,7 @@ def test_readings_become_a_calibration():
     assert "outliers   2 left out: readings 41, 172" in text
     assert "coverage   100% of the sphere" in text
     assert "a rotation or a reflection" in " ".join(text.split())
-    assert "self-check: the exported numbers give back every reading" in text
+    assert "self-check: the exported numbers reproduce every reading" in text
 
 
 @pytest.mark.parametrize("method", ["likelihood", "twostep"])

@@ -40,7 +40,7 @@ def test_readings_become_a_calibration():
     assert result.return_value == 0
     assert result.stdout.startswith(f"{TABLE}: 1500 readings\n\n  photocurrent  (4.50")
     assert "upper limit" in result.stdout
-    assert "self-check: the exported numbers give every reading the same light" in result.stdout
+    assert "self-check: the exported numbers give the same light for every reading" in result.stdout
 
 
 def test_json_holds_the_truth_of_the_simulation():

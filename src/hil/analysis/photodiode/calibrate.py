@@ -251,11 +251,14 @@ def _said(figures: Mapping[str, Figure], apart: list[str]) -> str:
     shunt, series = figures["shunt"], figures["series"]
     if apart:
         return f"the readings do not separate {', '.join(apart)}: one load in constant light shows none of n and I_s0"
-    told = "a shunt is" if shunt.status is FigureStatus.MEASURED else f"a shunt below {shunt.value:.2g} S is not"
-    return (
-        f"the readings separate photocurrent, its coefficient, saturation current and ideality factor; {told} "
-        f"told from none, nor a series resistance below {series.value:.2g} ohm"
-    )
+    bounds = [(shunt, "a shunt", "S"), (series, "a series resistance", "ohm")]
+    unseen = [f"{name} below {each.value:.2g} {unit}" for each, name, unit in bounds if _is_bound(each)]
+    told = ["the readings separate photocurrent, its coefficient, saturation current and ideality factor"]
+    return "; ".join((*told, *([f"they do not show {' or '.join(unseen)}"] if unseen else ())))
+
+
+def _is_bound(figure: Figure) -> bool:
+    return figure.status is not FigureStatus.MEASURED
 
 
 def _nothing(given: Readings, diode: Diode, gates: tuple[Gate, ...]) -> PhotodiodeReport:

@@ -84,7 +84,7 @@ def as_text(result: Result) -> str:
     lines = fitting([*heading(result.logs[0]), *told], 80)
     rows = [_row(number, phase) for number, phase in enumerate(found.phases, start=1)]
     lines += ["", *aligned(rows, head=_HEAD, right=(0, 1, 2))]
-    lines.append(f"beginnings and ends to {found.window:g} s; {_shares(found)}")
+    lines.append(f"phases begin and end to within {found.window:g} s; {_shares(found)}")
     rest = [(number, phase) for number, phase in enumerate(found.phases, start=1) if phase.kind is Kind.REST]
     if rest:
         rows = [
@@ -93,7 +93,7 @@ def as_text(result: Result) -> str:
             for place, axis in enumerate(AXES)
         ]
         lines += ["", *aligned(rows, head=_REST, right=(0,))]
-        lines.append(f"all noise of the longest rest: hil analyse allan {_longest(result.wanted, rest)}")
+        lines.append(f"flicker and random walk of the longest rest: hil analyse allan {_longest(result.wanted, rest)}")
     return "\n".join(lines)
 
 

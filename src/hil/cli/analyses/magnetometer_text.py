@@ -73,7 +73,7 @@ def as_text(file: str, report: MagnetometerReport, gates: tuple[Gate, ...], rema
         names = ("".join(sorted(axis + other)) for other in AXES)
         rows.append((axis, _told(calibration.biases[axis]), *(_told(elements[name]) for name in names)))
     lines += aligned(rows, indent="  ")
-    scale = "known, in the mean" if calibration.absolute else "expected, for a matrix of determinant 1"
+    scale = "known, on average" if calibration.absolute else "expected, for a matrix of determinant 1"
     lines += [
         f"  field      {_told(calibration.expected_field)}, {scale}",
         f"  noise      {_told(report.noise)} along each axis; {_scatter(report)}",
@@ -84,9 +84,9 @@ def as_text(file: str, report: MagnetometerReport, gates: tuple[Gate, ...], rema
         f"  outliers   {_outliers(report)}",
         "",
     ]
-    lines += fitting([f"not to be seen: {report.identifiability}"], 80)
+    lines += fitting([f"not observable: {report.identifiability}"], 80)
     if not doubts:
-        lines.append("self-check: the exported numbers give back every reading")
+        lines.append("self-check: the exported numbers reproduce every reading")
         lines.append(f"fingerprint {as_document(calibration)['fingerprint']}")
     return "\n".join(lines)
 

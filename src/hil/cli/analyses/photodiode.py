@@ -174,7 +174,7 @@ def _as_text(file: str, report: PhotodiodeReport, gates: tuple[Gate, ...], remar
     ]
     lines += fitting([report.identifiability], 80)
     if not doubts:
-        lines.append("self-check: the exported numbers give every reading the same light")
+        lines.append("self-check: the exported numbers give the same light for every reading")
         lines.append(f"fingerprint {as_document(report)['fingerprint']}")
     return "\n".join(lines)
 
