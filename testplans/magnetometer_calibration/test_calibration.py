@@ -185,7 +185,7 @@ def state(report, doubts, check, parameters):
     reference.
     """
     field, relative = parameters.in_unit("field_uncertainty", "uT"), parameters.relative_uncertainty
-    check("MAG-CAL-020", "coverage", report.coverage, doubts=doubts, headline="Share of the sphere")
+    check("MAG-CAL-020", "coverage", report.coverage, doubts=doubts, headline="Share of the sphere covered")
     check("MAG-CAL-020", "condition", report.condition, doubts=doubts)
     for axis, figure in report.calibration.biases.items():
         check("MAG-CAL-021", "bias", widened(figure, absolute=field), of=axis, doubts=doubts, at=f"axis {axis}")

@@ -180,12 +180,12 @@ def test_photodiode(black_box, multimeter, obc, thermometer, operator, check, ch
     with step("Read in the dark"):
         dark = black_box.read("dark", "board", held, rate)
         black_box.seen.clear()
-    with step("Read at every load in the cold"):
+    with step("Read at every load, cold"):
         black_box.light(settling)
         lit = {load: black_box.read(f"cold-{load}", load, held, rate, settling) for load in LOADS}
     with step("Warm the box with lamp and hot air"):
         heating = black_box.warm("heating", (parameters.coldest, parameters.hottest), parameters.leg, rate)
-    with step("Read at every load in the warmth"):
+    with step("Read at every load, warm"):
         for load in LOADS:
             black_box.read(f"warm-{load}", load, held, rate, settling)
     with step("Let the box cool under the lamp"):
@@ -201,7 +201,7 @@ def test_photodiode(black_box, multimeter, obc, thermometer, operator, check, ch
         check("SUN-PHD-013", "reference", electrical.reference, doubts=electrical.doubts)
         check("SUN-PHD-013", "reference_change", electrical.change)
         check_light(dark, lit, monitor, check)
-    with step("State its parameters"):
+    with step("State the parameters"):
         at = f"{NOMINAL:g} degC"
         for number, name, headline in (
             ("020", "photocurrent", "Photocurrent under the lamp"),
@@ -215,7 +215,7 @@ def test_photodiode(black_box, multimeter, obc, thermometer, operator, check, ch
         for celsius in TEMPERATURES:
             found = report.sensitivity(celsius, electrical.ohms("board"))
             check("SUN-PHD-030", "sensitivity", found, of=f"{celsius:g} degC", doubts=doubts)
-    with step("Verify the calibration with the readings of the cooling"):
+    with step("Verify the calibration with the readings taken while cooling"):
 
         def relative(each):
             return each.monitor / monitor
@@ -228,7 +228,7 @@ def test_photodiode(black_box, multimeter, obc, thermometer, operator, check, ch
         why = [*doubts, *raw.why("slope")]
         check("SUN-PHD-030", "raw_slope", raw.slope / scale if scale.value else raw.slope, doubts=why)
         why = [*doubts, *left.why("slope")]
-        check("SUN-PHD-040", "remaining_slope", left.slope, doubts=why, headline="Slope that the calibration leaves")
+        check("SUN-PHD-040", "remaining_slope", left.slope, doubts=why, headline="Slope after calibration")
         check_warmth("SUN-PHD-040", cooling, ("verified_to", "verified_from"), check)
     with step("Export the calibration, and recompute the export"):
         export(report, readings, doubts, check, artifact)

@@ -13,10 +13,10 @@ FIGURES = (
     ("EPS-SOL-022", "maximum_power", "Maximum power"),
     ("EPS-SOL-023", "fill_factor", "Fill factor"),
     ("EPS-SOL-030", "series_resistance", "Series resistance"),
-    ("EPS-SOL-030", "shunt_conductance", "Conductance of the shunt"),
+    ("EPS-SOL-030", "shunt_conductance", "Shunt conductance"),
 )
 CORRECTED = ("short_circuit_current", "open_circuit_voltage", "maximum_power", "fill_factor")
-"""The others are those of the panel as it was at the lamp."""
+"""The others are those of the panel as it was under the lamp."""
 COEFFICIENTS = {"alpha": "alpha", "beta": "beta", "kappa": "kappa", "light": "light", "resistance": "series_resistance"}
 COLUMNS = (
     Column("sweep"),
@@ -46,7 +46,7 @@ def draw(own, forward, dark, chart):
     volts, amperes = (forward.figures[f"{name}_at_maximum"] for name in ("voltage", "current"))
     chart(
         "Current-voltage curve",
-        Curve(name="at the lamp", x=list(own.voltage), y=list(own.current)),
+        Curve(name="as measured", x=list(own.voltage), y=list(own.current)),
         Curve(name="corrected", x=list(forward.voltage), y=list(forward.current)),
         Curve(name="maximum power, corrected", x=[volts], y=[amperes]),
         Curve(name="dark", x=[dark[0]], y=[dark[1]]),
@@ -55,7 +55,7 @@ def draw(own, forward, dark, chart):
     )
     chart(
         "Power",
-        Curve(name="at the lamp", x=list(own.voltage), y=list(own.voltage * own.current)),
+        Curve(name="as measured", x=list(own.voltage), y=list(own.voltage * own.current)),
         Curve(name="corrected", x=list(forward.voltage), y=list(forward.voltage * forward.current)),
         Curve(name="maximum, corrected", x=[volts], y=[forward.figures["maximum_power"]]),
         x=("voltage", "V"),
@@ -78,12 +78,12 @@ def loose_thermometer(warming, parameters):
 def test_curve(
     operator, solar, electronic_load, thermometer, multimeter, record, check, chart, step, artifact, parameters
 ):
-    """Short circuit, open circuit, largest power, fill factor and resistances at stated conditions."""
+    """Short circuit, open circuit, maximum power, fill factor and resistances at stated conditions."""
     with step("Put the panel into the box"):
         operator.confirm(
             "The panel lies on its plate under the lamp, its leads are connected, the box is closed", name="box"
         )
-    with step("Look at the panel in the dark"):
+    with step("Measure in the dark"):
         solar.darken()
         electronic_load.constant_voltage(0.0)
         electronic_load.enable()
@@ -91,10 +91,10 @@ def test_curve(
         check("EPS-SOL-010", "current", electronic_load.current())
         dark = (electronic_load.voltage(), electronic_load.current())
         cold = thermometer.panel.temperature()
-    with step("Light the lamp, and wait until the panel is warm"):
+    with step("Switch the lamp on, and wait until the panel is warm"):
         electronic_load.disable()
         solar.light()
-    with step("Measure the open voltage"):
+    with step("Measure the open-circuit voltage"):
         open_voltage = solar.open_voltage()
         check.require("EPS-SOL-011", "voltage", open_voltage)
         loose = loose_thermometer(thermometer.panel.temperature() - cold, parameters)
@@ -113,7 +113,7 @@ def test_curve(
     curves = {name: iv_curve(sweep, conditions_of(parameters), facts) for name, sweep in sweeps.items()}
     stated = f"{parameters.irradiance:g} W/m^2 and {parameters.temperature:g} degC"
     for name, curve in curves.items():
-        measured = f"{curve.irradiance:.0f} W/m^2 and {curve.temperature:.1f} degC at the lamp"
+        measured = f"{curve.irradiance:.0f} W/m^2 and {curve.temperature:.1f} degC under the lamp"
         for requirement, parameter, headline in FIGURES:
             check(
                 requirement,

@@ -35,7 +35,7 @@ def test_documents(operator, check, step):
 @pytest.mark.max_duration(86400)
 @pytest.mark.repeatable("looking at a panel changes nothing")
 def test_damage(operator, check, step):
-    """The panel is whole, and a picture of it is kept."""
+    """The panel is undamaged, and a picture of it is kept."""
     with step("Look at the panel"):
         picture = operator.attach("A picture of the panel, sharp, from above", name="panel", accepts=("picture",))
         found = operator.choose(
