@@ -229,6 +229,13 @@ def test_nothing_special_is_opened_by_any_command(capsys, inside):
     assert said(capsys, "runs")[0] == 0
 
 
+def test_what_to_type_for_a_damaged_package_elsewhere_names_its_path(capsys, inside, tmp_path):
+    """The name alone leads to no run where the package lies outside of the workspace."""
+    elsewhere = shutil.move(inside / FIRST, tmp_path / "elsewhere")
+    (elsewhere / "data/report/report.html").write_text("x")
+    assert f"hil verify {elsewhere} shows everything that is wrong" in said(capsys, "report", str(elsewhere))[2]
+
+
 def test_no_command_gives_a_damaged_package_a_verdict(capsys, inside):
     """One changed byte of a recording: whoever reads all of it says DAMAGED, gives no digest, and ends with 1."""
     path = next((inside / FIRST / "data/recordings").iterdir())

@@ -36,7 +36,7 @@ def command(run: str, output: Path | None, pdf: Path | None) -> int:
     if found.state is State.DAMAGED:
         name = printable(folder.name)
         click.echo(f"{name} is DAMAGED, so this report proves nothing: {found.problem}", err=True)
-        click.echo(f"     hil verify {name} shows everything that is wrong", err=True)
+        click.echo(f"     hil verify {printable(run)} shows everything that is wrong", err=True)
     for name, (content, word, same) in derived(folder, found).items():
         whole = whole and same
         click.echo(f"{name}: {word}")
