@@ -135,7 +135,7 @@ def test_a_slower_magnetometer_is_read_at_its_own_rate(tmp_path, how):
     """However two logs were merged: the same phases, no gate trips, and a note says how many readings there are."""
     result = run(_merged(tmp_path / "log.csv", how), *BOTH, "--plot", tmp_path / "flight.png")
     assert result.return_value == 0
-    table = result.stdout.partition("rates/field\n")[2].partition("beginnings")[0]
+    table = result.stdout.partition("rates/field\n")[2].partition("phases begin")[0]
     rows = [line.split() for line in table.splitlines()]
     assert [cells[3] for cells in rows] == ["rest", "rotation", "unsteady", "rest", "rotation", "rest"]
     told = " ".join(result.stdout.split())

@@ -54,6 +54,17 @@ def test_a_section_has_every_option(name):
         assert expected is None or value == ", ".join(f"`{choice}`" for choice in expected)
 
 
+@pytest.mark.parametrize("name", sorted(TREE))
+def test_a_section_names_values_as_help_does(name):
+    """A value has one name on the page and in `--help`: that of what it is, not that of its type."""
+    rows = dict(re.findall(r"^\| (`-[^|]*?) \| ([^|]*?) ?\|", sections()[name], re.MULTILINE))
+    for item in TREE[name].params:
+        valued = isinstance(item, click.Option) and not item.is_flag and not isinstance(item.type, click.Choice)
+        if valued and item.name != "help":
+            told = item.make_metavar(click.Context(TREE[name]))
+            assert {row.replace("`", ""): value for row, value in rows.items()}[", ".join(item.opts)] == told
+
+
 @pytest.mark.parametrize("name", sorted(name for name, item in TREE.items() if not isinstance(item, click.Group)))
 def test_a_section_shows_the_call(name):
     """A section begins with the call, and it names every argument of the command."""

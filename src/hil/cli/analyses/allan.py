@@ -46,7 +46,14 @@ __all__ = ["allan"]
     show_default=True,
     help="Where coefficients come from; nearest-slope adds the legacy read-out, for comparison with old tables.",
 )
-@click.option("--confidence", type=float, default=0.68, show_default=True, help="Confidence level of the intervals.")
+@click.option(
+    "--confidence",
+    type=float,
+    default=0.68,
+    show_default=True,
+    metavar="LEVEL",
+    help="Confidence level of the intervals.",
+)
 @plot_option("the deviations")
 @JSON
 def allan(  # noqa: PLR0913 - one argument per option

@@ -56,7 +56,9 @@ _UPPER, _LOWER, _CUT_OFF = 4.2, 2.7, 0.05  # V, V, A
 @click.option("--upper", type=float, metavar="V", help="Voltage at which a charge ends; 4.2 by default.")
 @click.option("--lower", type=float, metavar="V", help="Voltage at which a discharge ends; 2.7 by default.")
 @click.option("--cut-off", type=float, metavar="A", help="Current that ends a charge; 0.05 by default.")
-@click.option("--current-gain", type=float, metavar="PART", help="Bound of the current's gain error; 0.001 is 0.1 %.")
+@click.option(
+    "--current-gain", type=float, metavar="FRACTION", help="Bound of the current's gain error; 0.001 is 0.1 %."
+)
 @click.option("--current-offset", type=float, metavar="A", help="Bound of the current's offset.")
 @click.option("--capacity", type=float, metavar="AH", help="Nominal capacity.")
 @click.option("--energy", type=float, metavar="WH", help="Nominal energy.")
@@ -84,7 +86,7 @@ _UPPER, _LOWER, _CUT_OFF = 4.2, 2.7, 0.05  # V, V, A
     type=float,
     default=0.8,
     show_default=True,
-    metavar="PART",
+    metavar="FRACTION",
     help="Part of the capacity that is left at end of life.",
 )
 @plot_option("the test")

@@ -40,11 +40,33 @@ __all__ = ["photodiode"]
 )
 @click.option("--series", type=ZERO_OR_MORE, default=0.0, metavar="OHM", help="Series resistance of the data sheet.")
 @click.option(
-    "--reference-uncertainty", type=ZERO_OR_MORE, default=0.0, metavar="SHARE", help="Of the reference voltage."
+    "--reference-uncertainty",
+    type=ZERO_OR_MORE,
+    default=0.0,
+    metavar="FRACTION",
+    help="Relative standard uncertainty of the reference voltage.",
 )
-@click.option("--offset-uncertainty", type=ZERO_OR_MORE, default=0.0, metavar="V", help="Of the converter's zero.")
-@click.option("--load-uncertainty", type=ZERO_OR_MORE, default=0.0, metavar="SHARE", help="Of each load.")
-@click.option("--temperature-uncertainty", type=ZERO_OR_MORE, default=0.0, metavar="K", help="Of the thermometer.")
+@click.option(
+    "--offset-uncertainty",
+    type=ZERO_OR_MORE,
+    default=0.0,
+    metavar="V",
+    help="Standard uncertainty of the converter's zero.",
+)
+@click.option(
+    "--load-uncertainty",
+    type=ZERO_OR_MORE,
+    default=0.0,
+    metavar="FRACTION",
+    help="Relative standard uncertainty of each load.",
+)
+@click.option(
+    "--temperature-uncertainty",
+    type=ZERO_OR_MORE,
+    default=0.0,
+    metavar="K",
+    help="Standard uncertainty of the thermometer.",
+)
 @plot_option("readings and residuals")
 @export_options
 @JSON

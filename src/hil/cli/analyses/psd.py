@@ -30,7 +30,14 @@ __all__ = ["psd"]
     show_default=True,
     help="Window of each segment.",
 )
-@click.option("--overlap", type=float, default=0.5, show_default=True, help="Part of a segment that the next shares.")
+@click.option(
+    "--overlap",
+    type=float,
+    default=0.5,
+    show_default=True,
+    metavar="FRACTION",
+    help="Part of a segment that the next shares.",
+)
 @click.option(
     "--detrend",
     type=click.Choice(["none", "constant", "linear"]),
@@ -38,12 +45,20 @@ __all__ = ["psd"]
     show_default=True,
     help="What is taken off each segment.",
 )
-@click.option("--confidence", type=float, default=0.68, show_default=True, help="Confidence level of the intervals.")
+@click.option(
+    "--confidence",
+    type=float,
+    default=0.68,
+    show_default=True,
+    metavar="LEVEL",
+    help="Confidence level of the intervals.",
+)
 @click.option(
     "--false-alarm",
     type=Within(0.0, 1.0, min_open=True, max_open=True),
     default=0.01,
     show_default=True,
+    metavar="PROBABILITY",
     help="Probability of finding a line in a column of noise alone.",
 )
 @click.option(

@@ -40,8 +40,12 @@ _UNITS = {"voltage": "V", "current": "A", "irradiance": "W/m^2", "temperature": 
 @click.option(
     "--procedure", type=click.Choice(["1", "2"]), default="2", help="Procedure of IEC 60891:2021; 2 by default."
 )
-@click.option("--alpha", type=FINITE, default=0.0, help="Change of the current: A/K for procedure 1, 1/K for 2.")
-@click.option("--beta", type=FINITE, default=0.0, help="Change of the voltage: V/K for procedure 1, 1/K for 2.")
+@click.option(
+    "--alpha", type=FINITE, default=0.0, metavar="CHANGE", help="Change of the current: A/K for procedure 1, 1/K for 2."
+)
+@click.option(
+    "--beta", type=FINITE, default=0.0, metavar="CHANGE", help="Change of the voltage: V/K for procedure 1, 1/K for 2."
+)
 @click.option("--resistance", type=ZERO_OR_MORE, default=0.0, metavar="OHM", help="Internal series resistance.")
 @click.option("--kappa", type=FINITE, default=0.0, metavar="OHM/K", help="Curve correction factor.")
 @click.option("--light", type=FINITE, default=0.0, metavar="B1", help="Relative change of voltage over ln(irradiance).")

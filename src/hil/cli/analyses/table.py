@@ -45,7 +45,7 @@ def table(
 
     FILE is a CSV file with names of rows in its first column, or a YAML file that names several tables,
     their sources and formulas. A printed number stands for every number that rounds to it: 0.1234 is
-    anything from 0.12335 to 0.12345. A cell follows if its rounding meets what the formula can give.
+    anything from 0.12335 to 0.12345. A cell follows if the formula can give a number that rounds to it.
     For a cell that does not follow, usual slips are tried: sign, factor, a misprinted digit, a copied
     cell, another formula.
 

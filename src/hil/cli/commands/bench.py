@@ -97,7 +97,7 @@ def _tell_beside(who: str) -> None:
     help="udev: names and permissions of its devices; polkit: holding off sleep; systemd: a run that goes on after a"
     " logout; tmpfiles: the folder of latches.",
 )
-@click.option("--group", default="dialout", show_default=True, help="Who may use the bench.")
+@click.option("--group", default="dialout", show_default=True, metavar="GROUP", help="Who may use the bench.")
 def setup(name: str, kind: str, group: str) -> int:
     """Print what the computer at a bench needs from its administrator, derived from the bench file.
 

@@ -34,7 +34,12 @@ _SEPARATORS = {",": ",", ";": ";", "tab": "\t"}
     help="Facts in a JSON file beside the table, or above it in # lines.",
 )
 @click.option("--compress", is_flag=True, help="Compress MATLAB files.")
-@click.option("--output", type=click.Path(path_type=Path), help="The folder to write to; ./RUN-export by default.")
+@click.option(
+    "--output",
+    type=click.Path(path_type=Path),
+    metavar="DIRECTORY",
+    help="Where the files go; ./RUN-export by default.",
+)
 def command(  # noqa: PLR0913, PLR0917 - one argument per option
     run: str,
     as_csv: bool,

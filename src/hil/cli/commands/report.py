@@ -20,7 +20,7 @@ __all__ = ["command", "derived"]
 @click.argument("run", metavar="RUN")
 @click.option("--output", type=click.Path(path_type=Path, file_okay=False), help="Write the derived files there.")
 @click.option(
-    "--pdf", type=click.Path(path_type=Path, dir_okay=False), help="Print the page to this file by a browser."
+    "--pdf", type=click.Path(path_type=Path, dir_okay=False), help="Print the page to this file with a browser."
 )
 def command(run: str, output: Path | None, pdf: Path | None) -> int:
     """Derive the report of a package again, and compare it byte for byte with the one inside.

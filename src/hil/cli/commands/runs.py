@@ -32,8 +32,8 @@ _ANY_WIDTH = 10_000
 def command(bench: str | None, dut: str | None, plan: str | None, verdict: str | None, *, no_cache: bool) -> int:
     """List the runs of the workspace, newest last.
 
-    Sealed packages get a quick look, which does not read their recordings, and none where no file in them has changed
-    since the last one; hil verify reads everything. A damaged package is listed with what is wrong and without a
+    Sealed packages get a quick look that does not read their recordings; one whose files have not changed since is not
+    looked at again. hil verify reads everything. A damaged package is listed with what is wrong and without a
     verdict, unless you filter.
     """
     from hil.evidence.index import Index  # noqa: PLC0415 - heavy

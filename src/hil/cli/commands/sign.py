@@ -16,7 +16,11 @@ if TYPE_CHECKING:
 __all__ = ["KEY", "PRINCIPAL", "command", "subject_of"]
 
 KEY = click.option(
-    "--key", required=True, type=click.Path(path_type=Path), help="Private key, or public key of an agent or token."
+    "--key",
+    required=True,
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Private key, or public key of an agent or token.",
 )
 PRINCIPAL = click.option("--as", "principal", required=True, metavar="PRINCIPAL", help="Whose key it is.")
 

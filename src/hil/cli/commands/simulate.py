@@ -18,12 +18,25 @@ _MOST_PORTS = 65_535
 
 @click.command(name="simulate", epilog="Example: hil simulate adcs --speed 20")
 @click.argument("bench", metavar="BENCH")
-@click.option("--folder", type=click.Path(path_type=Path), help="Folder for the links and the control socket.")
-@click.option("--speed", type=Within(0, 1e6, min_open=True), default=1.0, help="Bench seconds per real second.")
+@click.option(
+    "--folder",
+    type=click.Path(path_type=Path),
+    metavar="DIRECTORY",
+    help="Folder for the links and the control socket.",
+)
+@click.option(
+    "--speed",
+    type=Within(0, 1e6, min_open=True),
+    default=1.0,
+    show_default=True,
+    metavar="FACTOR",
+    help="Bench seconds per real second.",
+)
 @click.option(
     "--first-port",
     type=click.IntRange(0, _MOST_PORTS),
     default=0,
+    metavar="PORT",
     help="First port for network instruments; 0 picks free ones.",
 )
 def command(bench: str, folder: Path | None, speed: float, first_port: int) -> int:
