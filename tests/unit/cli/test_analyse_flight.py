@@ -71,6 +71,9 @@ def test_without_a_magnetometer_it_says_what_it_cannot_see():
     assert result.return_value == 0
     told = " ".join(result.stdout.split())
     assert "note: without a magnetometer a steady turn of less than 1 deg/s is taken for rest" in told
+    document = json.loads(run(LOG, *RATES, "--json").stdout)
+    assert document["remarks"] == ["without a magnetometer a steady turn of less than 1 deg/s is taken for rest"]
+    assert document["field_sampling"] is None
 
 
 def test_counts_are_scaled_or_their_limit_is_given():
@@ -141,6 +144,9 @@ def test_a_slower_magnetometer_is_read_at_its_own_rate(tmp_path, how):
     told = " ".join(result.stdout.split())
     assert f"note: 560 of {3360 if how == 'events' else 2800} rows hold a reading of mx, my, mz, at 1 Hz" in told
     assert "samples are missing" not in told
+    document = json.loads(run(tmp_path / "log.csv", *BOTH, "--json").stdout)
+    assert any(each.startswith("560 of ") for each in document["remarks"])
+    assert (document["sampling"]["rate"], document["field_sampling"]["rate"]) == pytest.approx((5.0, 1.0), rel=1e-3)
     ratio = float(next(cells for cells in rows if cells[3] == "rotation")[-3])
     assert abs(ratio - 1.0) < 0.02
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 
 from hil.analysis.flight import Flight, Phase
 from hil.analysis.motion import AXES, Kind
@@ -40,6 +40,11 @@ class Result:
         ]
         return tuple(dict.fromkeys((*whole, *each)))
 
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What has to be known of the logs and of all phases, in sentences."""
+        return tuple(dict.fromkeys((*(each for log in self.logs for each in log.remarks), *self.flight.remarks)))
+
 
 def as_json(result: Result) -> str:
     """Return the result as one JSON document; what is not finite is null."""
@@ -48,6 +53,8 @@ def as_json(result: Result) -> str:
     found = result.flight
     document = {
         **log_as_json(first, doubted=bool(result.doubts), gates=gates),
+        "remarks": list(result.remarks),
+        "field_sampling": asdict(others[0].sampling) if others and others[0].sampling else None,
         "reasons": list(result.doubts),
         "unit": found.unit,
         "window": found.window,
@@ -78,9 +85,11 @@ def _phase(number: int, phase: Phase) -> dict[str, object]:
 def as_text(result: Result) -> str:
     """Return the result as plain text: the phases, then what those at rest show."""
     found = result.flight
-    remarks = dict.fromkeys((*(each for log in result.logs for each in log.remarks), *found.remarks))
     odd = [f"phase {number}: {each.remark}" for number, each in enumerate(found.phases, start=1) if each.remark]
-    told = [*(f"INCONCLUSIVE: {each}" for each in result.doubts), *(f"note: {each}" for each in (*remarks, *odd))]
+    told = [
+        *(f"INCONCLUSIVE: {each}" for each in result.doubts),
+        *(f"note: {each}" for each in (*result.remarks, *odd)),
+    ]
     lines = fitting([*heading(result.logs[0]), *told], 80)
     rows = [_row(number, phase) for number, phase in enumerate(found.phases, start=1)]
     lines += ["", *aligned(rows, head=_HEAD, right=(0, 1, 2))]
