@@ -18,6 +18,14 @@ def trace(name="x", unit="deg/s", size=1000):
     return Trace(name=name, unit=unit, times=times, values=values)
 
 
+def test_a_drawing_that_is_much_taller_than_wide_may_take_a_page():
+    """Legends of many channels in three units make it so; on paper it would else be a strip that nobody can read."""
+    units = ("deg/s", "degC", "uT")
+    many = [trace(name=f"magnetometer.{place}.temperature", unit=units[place % 3]) for place in range(30)]
+    assert 'style="max-height:240mm"' in draw_traces("a", many, [])
+    assert "style=" not in draw_traces("a", many[:3], [])
+
+
 def test_decimation_keeps_every_extreme():
     """Few samples remain, in order, and the highest and lowest of the whole are among them."""
     values = np.random.default_rng(3).normal(size=100_003)

@@ -44,6 +44,7 @@ _KEY = 400  # what a legend's entry takes beside its words
 DISC = "m-34 0a34 34 0 1 0 68 0a34 34 0 1 0-68 0z"
 """The outline of a point, from its middle."""
 _WORDS = 40  # how far below its middle line a text stands
+_TALLEST = "240mm"  # on a page of paper
 _LARGEST = 1e300  # beyond it a difference could be infinite
 _NARROWEST = 1e-9  # of the largest value: less is the noise of a float, and no two ticks would differ
 _EXACT = Context(prec=60)
@@ -89,10 +90,15 @@ class Sheet:
         self._parts.append(f'<text class="{kind}" x="{place[0]}" y="{place[1]}"{turned}>{escape(words)}</text>')
 
     def svg(self, title: str, height: int, width: int = WIDTH) -> str:
-        """Return the drawing as an element that can stand inside an HTML page."""
+        """Return the drawing as an element that can stand inside an HTML page.
+
+        The style sheet keeps drawings low on paper. One that is much taller than wide, as with a legend of many
+        channels, would become too narrow to be read, and may take a page.
+        """
         told = escape(plain(title), quote=True)
+        tall = f' style="max-height:{_TALLEST}"' if height > 1.5 * width else ""
         return (
-            f'<svg class="drawing" role="img" aria-label="{told}" viewBox="0 0 {width} {height}">'
+            f'<svg class="drawing" role="img" aria-label="{told}" viewBox="0 0 {width} {height}"{tall}>'
             f"{''.join(self._parts)}</svg>"
         )
 
