@@ -82,7 +82,10 @@ class Attitudes:
                     self._one(survey, up, each, rest=rest)
         with self._step("Survey the field again"):
             self._rotation.stop()
-            self._compare(survey, self._cage.survey())
+            last = self._cage.survey()
+        with self._step("Switch coils and sensors off"):
+            self._cage.end()
+        self._compare(survey, last)
         return self.readings
 
     def _one(self, survey, up, upward, *, rest):

@@ -52,14 +52,14 @@ def ran(made, *cases, answers=""):
         (made.root / "answers.yaml").write_text(f"schema: hil/answers/1\nby: Ada\nanswers: {answers}\n")
     named = ("run", PLAN, "--bench", "field", "--dut", "SIM-MAG-1", "--source", "simulated")
     named += ("--answers", "answers.yaml") if answers else ()
-    ended = made.hil(*named, *(word for each in cases for word in ("--only", each)))
+    ended = made.hil(*named, *(word for each in cases for word in ("--only", each)), timeout=sweeps.chosen(150, 800))
     assert made.folders(), ended.out + ended.err
     return ended, Package(made.folders()[-1])
 
 
 def replays(made, package):
     """Assert that the bytes of a run come to the same again."""
-    ended = made.hil("replay", str(package.folder))
+    ended = made.hil("replay", str(package.folder), timeout=sweeps.chosen(150, 600))
     assert "no difference" in ended.out, ended.out + ended.err
 
 
@@ -88,6 +88,8 @@ def test_the_calibration_passes_is_exported_and_repeats(healthy):
     assert len(verdicts(package)) == sweeps.chosen(3, 17)
     assert verify(package.folder).findings == ()
     replays(made, package)
+    driven = [each["name"] for each in bodies(package, "effect") if each["effect"] == "drives"]
+    assert driven.count("supply.sensor.disable") == len(verdicts(package)), "a case computes with its outputs on"
     found = figures(package)
     for axis, true in zip("xyz", (18.4, -31.2, 9.7), strict=True):
         check = found["bias", axis]
