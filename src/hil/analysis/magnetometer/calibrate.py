@@ -23,6 +23,7 @@ from hil.analysis.magnetometer.geometry import (
     linearised,
     upper,
 )
+from hil.analysis.magnetometer.likeness import inflation
 from hil.analysis.magnetometer.settling import Given, Method, Shape, chosen, settled, started, typical
 from hil.analysis.statistics import not_observable
 from hil.analysis.tracing import traced
@@ -62,6 +63,8 @@ class MagnetometerReport:
             matrix; without a rotation of all directions together, which magnitudes do not show.
         uncalibrated: the largest angle in deg between a reading and what the calibration makes of it.
         condition: of the Fisher matrix, 2.5 for a general ellipsoid and directions all over the sphere.
+        inflation: by which factor the uncertainties exceed those of independent residuals, because neighbours are
+            alike; 1 where they are not.
         gates: what was asked of the result, and the answers.
         identifiability: what these data cannot show, however good they are.
         iterations: steps of the last fit, 0 where it is direct.
@@ -75,6 +78,7 @@ class MagnetometerReport:
     heading: Figure
     uncalibrated: Figure
     condition: Figure
+    inflation: float
     gates: tuple[Gate, ...]
     identifiability: str
     iterations: int
@@ -114,7 +118,8 @@ def calibrate_magnetometer(
 
     The covariance is that of noise of one variance along each axis, independent from reading to reading:
     s² H^-1 J'W²diag(|G u|²)J H^-1 with H = J'WJ, W the weights of the fit and s² = sum (r / |G u|)² / (n - k)
-    (`geometry`); for `ellipsoid` and `twostep` with what they neglect of the noise added.
+    (`geometry`); for `ellipsoid` and `twostep` with what they neglect of the noise added. Where residuals of neighbours
+    are alike, it is larger by the factor that sums over blocks of them show (`likeness`).
 
     With the temperature of the sensor at each reading the bias may follow it in a straight line (see `warmth`).
 
@@ -196,7 +201,7 @@ def _report(
     freedom = float(len(inliers.field) - len(about.jacobian))
     found = math.sqrt(float(np.square(about.residual / about.spread).sum()) / freedom)
     used, dof = (noise, math.inf) if noise is not None and noise >= found else (found, freedom)
-    covariance, slopes = _covariance(about, basis, used**2, method)
+    covariance, slopes, alike = _covariance(about, basis, (found**2, used**2), method)
     condition = fisher_condition(about.direction, inliers.field, basis)
     scale = 1.0 if given.known else 1.0 / typical(estimate.gain)
     field = float(inliers.field.mean()) * scale
@@ -220,6 +225,7 @@ def _report(
         heading=heading,
         uncalibrated=_turned(inliers.readings, about.direction, heading),
         condition=Figure(value=condition, unit="1", uncertainty=0.0),
+        inflation=alike,
         gates=(
             *gates,
             gating.scatter(residual[kept], field, known=given.known),
@@ -270,20 +276,25 @@ def _nothing(given: Given, unit: str, how: tuple[Method, Shape], estimate: Estim
         heading=not_observable("deg"),
         uncalibrated=not_observable("deg"),
         condition=not_observable("1"),
+        inflation=1.0,
         gates=(Gate(name="ellipsoid", channel="", ok=False, reason=reason),),
         identifiability=IDENTIFIABLE,
         iterations=estimate.iterations,
     )
 
 
-def _covariance(about: Linearised, basis: Array, variance: float, method: Method) -> tuple[Array | None, Array | None]:
-    """Return the covariance (9, 9) of bias and gain for noise of a variance along each axis, None if it is singular.
+def _covariance(
+    about: Linearised, basis: Array, variances: tuple[float, float], method: Method
+) -> tuple[Array | None, Array | None, float]:
+    """Return the covariance (9, 9) of bias and gain for noise along each axis, None if it is singular.
 
-    Beside it stands that of the slopes over temperature (3, 3), None where there are none.
+    Beside it stand that of the slopes over temperature (3, 3), None where there are none, and the inflation of standard
+    uncertainties by residuals that are alike. The variances are that of the residuals, and that which is believed.
 
     The ellipsoid and TWOSTEP neglect terms of second order in the noise. By how much these move the result one step of
     the likelihood shows; its square is added.
     """
+    found, variance = variances
     square = np.square(about.spread)
     efficient = about.jacobian / square
     scaled = about.jacobian if method == "ellipsoid" else efficient
@@ -292,14 +303,16 @@ def _covariance(about: Linearised, basis: Array, variance: float, method: Method
         neglected = efficient @ (about.residual - variance * about.curvature)
         shift = np.linalg.solve(efficient @ about.jacobian.T, neglected)
     except np.linalg.LinAlgError:
-        return None, None
-    small = variance * (estimator * square) @ estimator.T
+        return None, None, 1.0
+    alike = max(1.0, inflation(estimator * about.residual) * found / variance) if variance else 1.0
+    small = alike * variance * (estimator * square) @ estimator.T
     if method != "likelihood":
         small += np.outer(shift, shift)
     own = 3 + basis.shape[1]
     spread = np.zeros((9, own))
     spread[:3, :3], spread[3:, 3:] = np.eye(3), basis
-    return np.asarray(spread @ small[:own, :own] @ spread.T), small[own:, own:] if len(small) > own else None
+    slopes = small[own:, own:] if len(small) > own else None
+    return np.asarray(spread @ small[:own, :own] @ spread.T), slopes, math.sqrt(alike)
 
 
 def _heading(covariance: Array | None, gain: Array, field: float, dof: float) -> Figure:

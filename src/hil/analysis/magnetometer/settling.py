@@ -23,6 +23,7 @@ _Which: TypeAlias = NDArray[np.bool_]
 
 _LOOKED_AT = 1000  # readings from which the first estimate comes
 _KEPT = 0.75  # of them, those of the smallest residuals: what outliers must not reach
+_NEARLY_ALL, _FAR = 0.95, 4.0  # share of readings, and times as far from the median as these: none of a sensor
 _TRIMMINGS, _REJECTIONS = 10, 10
 _UNLIKELY = 0.01  # chance that a recording without outliers has one that is named so
 _NORMAL = 1.4826  # standard deviations of normal noise in its median absolute deviation
@@ -68,15 +69,24 @@ def _scaled(given: Given, estimate: Estimate) -> Array:
 
 
 def started(given: Given) -> Estimate:
-    """Return a first estimate from some of the readings, that outliers do not reach: the better of two."""
+    """Return a first estimate from some of the readings, that outliers do not reach: the best of some."""
     part = given.part(slice(None, None, max(1, len(given.field) // _LOOKED_AT)))
     starts = [_trimmed(part, lambda some: _by_ellipsoid(some, "general"))]
     if part.varies:
         starts.append(_trimmed(part, _by_centre))
+    near = _near(part)
+    if len(near.field) < len(part.field):
+        starts.append(_trimmed(near, lambda some: _by_ellipsoid(some, "general")))
     physical = [each for each in starts if each.physical] or [
-        _trimmed(part, lambda some: _by_ellipsoid(some, "sphere"))
+        _trimmed(near, lambda some: _by_ellipsoid(some, "sphere"))
     ]
     return min(physical, key=lambda each: float(np.median(np.abs(_scaled(part, each)))))
+
+
+def _near(given: Given) -> Given:
+    """Return the readings without those so far off that they alone decide a fit: broken words of a bus."""
+    far = lengths(given.readings - np.median(given.readings, axis=0))
+    return given.part(far <= _FAR * np.quantile(far, _NEARLY_ALL))
 
 
 def _by_ellipsoid(given: Given, shape: str) -> Estimate:

@@ -122,7 +122,7 @@ def magnetometer(  # noqa: PLR0913 - one argument per option
 
         draw(plot, report, recorded.readings, recorded.temperature)
     text = magnetometer_text.as_json if as_json else magnetometer_text.as_text
-    click.echo(text(str(file), report, gates, recorded.remarks))
+    click.echo(text(str(file), report, gates, (*recorded.remarks, *magnetometer_text.likeness(report))))
     return int(doubted)
 
 

@@ -17,8 +17,9 @@ from hil.cli.analyses.log import INCONCLUSIVE, gates_as_json
 from hil.model.figure import Figure, FigureStatus, encoded
 from hil.report.tables import aligned, fitting
 
-__all__ = ["as_json", "as_text"]
+__all__ = ["as_json", "as_text", "likeness"]
 
+_LARGER = 1.5  # times: uncertainties that are larger by less are no remark
 _NAMED = 10  # outliers in the text; all of them are in the JSON
 
 
@@ -48,11 +49,22 @@ def as_json(file: str, report: MagnetometerReport, gates: tuple[Gate, ...], rema
         "residual_rms": encoded(_rms(report)),
         "coverage": encoded(report.coverage),
         "condition": encoded(report.condition),
+        "inflation": report.inflation,
         "outliers": [place + 1 for place in report.outliers],
         "identifiability": report.identifiability,
         "calibration": None if doubted else as_document(calibration),
     }
     return json.dumps(document, allow_nan=False, indent=2)
+
+
+def likeness(report: MagnetometerReport) -> tuple[str, ...]:
+    """Return a remark where residuals of neighbouring readings are alike."""
+    if report.inflation <= _LARGER:
+        return ()
+    told = (
+        f"residuals of neighbouring readings are alike: uncertainties are {report.inflation:.3g} times those of noise"
+    )
+    return (f"{told}; something changed meanwhile, such as the field, a motor or iron nearby, or the sensor filters",)
 
 
 def _rms(report: MagnetometerReport) -> float:
