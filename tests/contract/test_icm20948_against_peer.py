@@ -25,6 +25,16 @@ def test_what_it_says_after_power_on():
     assert (bench.read(0x7F), bench.read(0x00, 2), bench.read(0x14)) == (b"\x20", b"\x00\x01", b"\x01")
 
 
+def test_data_are_0_until_it_has_started():
+    """35 ms after it was woken."""
+    bench = Bench(ICM20948, truth={"bias_x": ["100", "0", "0"]})
+    write(bench, 0x06, 0x01)
+    bench.clock.sleep(0.034)
+    assert bench.read(0x2D, 12) == bytes(12)
+    bench.clock.sleep(0.003)
+    assert int.from_bytes(bench.read(0x33, 2), "big") == pytest.approx(13_100, abs=100)
+
+
 @pytest.mark.parametrize("stuck", [False, True])
 def test_the_temperature_alone_is_that_of_the_whole_sample(stuck):
     """Reading it before the axes changes nothing, also where every number is stuck."""
@@ -85,6 +95,7 @@ def test_a_bypass_that_is_lost_ends_the_samples(kind, register, value, said):
     """Somebody else writes to the chip: the next sample is an error with the register that is wrong."""
     bench = kind(chip=ICM20948_MAGNETOMETER)
     bench.sensor.start()
+    write(bench, 0x03, 0x40)  # FIFO_EN, which shuts nothing
     bench.sensor.sample()
     write(bench, register, value)
     with pytest.raises(NoReply, match=f"sensor: its magnetometer cannot be reached: .*{said}"):
