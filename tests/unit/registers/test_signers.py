@@ -45,6 +45,13 @@ def test_a_person_has_several_names_and_holds_roles_for_a_time(tmp_path):
         signers.find("bo@example.com")
 
 
+def test_without_a_register_it_has_to_be_written_first(tmp_path):
+    """Nobody is in a register that does not exist: its list of names would be empty."""
+    with pytest.raises(Refused) as refused:
+        load_signers(tmp_path).find("bo@example.com")
+    assert refused.value.hint == "nobody is registered there: write the file first"
+
+
 def test_a_workspace_says_what_a_package_needs(tmp_path):
     """Nothing, unless it says so."""
     assert (loaded(tmp_path, GOOD).required.signature, loaded(tmp_path, GOOD).required.approvals) == (False, ())
