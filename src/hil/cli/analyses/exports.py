@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 
 import click
 
+from hil.cli.written import write_whole_file
 from hil.model.errors import Refused
 
 __all__ = ["export_options", "write_exports"]
@@ -36,6 +37,6 @@ def write_exports(*wanted: tuple[Path | None, str]) -> None:
         if path is None:
             continue
         try:
-            path.write_text(text, encoding="utf-8")
+            write_whole_file(path, text.encode())
         except OSError as error:
             raise Refused(f"{path}: {error.strerror}", "choose a place that can be written") from None

@@ -23,6 +23,7 @@ from hil.analysis.drift import Drift
 from hil.audit.trend import Point, Trend
 from hil.cli.analyses import psd_text
 from hil.cli.analyses.allan_text import NAMES, Axis, called
+from hil.cli.written import whole
 from hil.clock.wall import moment_of
 from hil.model.errors import Refused
 
@@ -360,9 +361,10 @@ def save(path: Path, make: Callable[[], Figure]) -> None:
         figure = make()
         canvas = FigureCanvasSVG(figure) if form == "svg" else FigureCanvasAgg(figure)
         try:
-            if isinstance(canvas, FigureCanvasSVG):
-                canvas.print_svg(path, metadata={"Date": None})
-            else:
-                canvas.print_png(path, metadata={"Software": None})
+            with whole(path) as stream:
+                if isinstance(canvas, FigureCanvasSVG):
+                    canvas.print_svg(stream, metadata={"Date": None})
+                else:
+                    canvas.print_png(stream, metadata={"Software": None})
         except OSError as error:
             raise Refused(f"{path}: {error.strerror}", "choose a place that can be written") from None

@@ -16,6 +16,7 @@ import click
 from hil.cli.commands.ledger import require_head
 from hil.cli.display import write_bytes
 from hil.cli.options import name_option
+from hil.cli.written import whole
 from hil.clock import wall
 from hil.clock.wall import is_date
 from hil.documents.text import counted, visible
@@ -203,7 +204,7 @@ def _write(document: Document, formats: Sequence[str], output: Path | None, repo
         path = output / f"audit.{each}"
         try:
             output.mkdir(parents=True, exist_ok=True)
-            with path.open("wb") as stream:
+            with whole(path) as stream:
                 stream.writelines(pieces)
         except OSError as error:
             raise Refused(

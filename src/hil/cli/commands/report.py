@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from hil.cli.run_names import find_run
+from hil.cli.written import write_whole_file
 from hil.model.errors import EvidenceError, Refused
 
 if TYPE_CHECKING:
@@ -103,7 +104,7 @@ def _print(page: bytes, pdf: Path) -> None:
 def _write(output: Path, name: str, content: bytes) -> None:
     try:
         output.mkdir(parents=True, exist_ok=True)
-        (output / name).write_bytes(content)
+        write_whole_file(output / name, content)
     except OSError as error:
         raise Refused(f"{output / name}: cannot be written: {error.strerror}", "choose another --output") from error
     click.echo(f"  written to {output / name}")

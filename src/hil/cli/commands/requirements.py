@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from hil.cli.written import write_whole_file
 from hil.documents.findings import Findings
 from hil.executive.setup.workspace import Workspace, find_workspace
 from hil.model.errors import Refused
@@ -88,7 +89,7 @@ def diff(plans: tuple[str, ...]) -> None:
 
 def _write(path: Path, text: str) -> None:
     try:
-        path.write_text(text, encoding="utf-8")
+        write_whole_file(path, text.encode())
     except OSError as error:
         raise Refused(f"{path}: cannot be written: {error.strerror}", "make it writable") from error
 

@@ -12,6 +12,7 @@ import click
 
 from hil.cli.display import write_bytes
 from hil.cli.run_names import find_run
+from hil.cli.written import write_whole_file
 from hil.documents.text import visible
 from hil.model.errors import Refused
 
@@ -114,7 +115,7 @@ def _write(document: Document, formats: Sequence[str], output: Path | None) -> N
         path = output / f"selection.{each}"
         try:
             output.mkdir(parents=True, exist_ok=True)
-            path.write_bytes(data)
+            write_whole_file(path, data)
         except OSError as error:
             problem = f"{path}: cannot be written: {error.strerror}"
             raise Refused(problem, "name another folder with --output") from error
