@@ -95,3 +95,14 @@ def test_a_process_that_does_not_return_from_a_call_ends_itself(last, times, cod
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=False)
     assert (done.returncode, done.stdout) == (code, said)
     assert ("Timeout" in done.stderr and 'File "<string>", line 9' in done.stderr) == (code == 1)
+
+
+def test_the_process_that_waits_does_not_load_what_a_run_needs():
+    """It stays for as long as the run does."""
+    program = (
+        "import sys, hil.cli.main, hil.cli.commands.run, hil.executive.setup.pins\n"
+        "heavy = {'email', 'importlib.metadata', 'json', 'msgspec', 'numpy', 'pydantic'}\n"
+        "sys.exit(' '.join(heavy & set(sys.modules)) or 0)"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
