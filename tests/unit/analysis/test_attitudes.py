@@ -116,6 +116,21 @@ def test_a_survey_tells_ambient_and_coils():
     assert found.moved(found) == 0.0
 
 
+def test_an_ambient_field_is_the_mean_of_all_phases():
+    """Its noise is that of all readings: of those without current alone it would be 1.7 times larger."""
+    generator, ambient, coils = np.random.default_rng(5), np.array([21.0, -3.0, -39.0]), np.array([1.0, -0.7, 225.0])
+    current, errors = Figure(value=0.25, unit="A", uncertainty=0.001), []
+    for _ in range(300):
+        phases = [
+            [ambient + sign * 0.25 * coils + 0.4 * generator.standard_normal((40, 3)) for _ in range(2)]
+            for sign in (1, 0, -1)
+        ]
+        found = coil_survey(*phases, times=[[0.0, 2.0, 4.0], [6.0, 8.0, 10.0]], currents=[current] * 4)
+        errors.append(found.ambient - ambient)
+    assert np.std(errors) == pytest.approx(0.4 / np.sqrt(240.0), rel=0.1)
+    assert np.abs(np.mean(errors, axis=0)).max() < 0.006
+
+
 def test_angles_of_a_steady_table():
     """From one mark and the rate."""
     mark = (Figure(value=10.0, unit="deg"), Figure(value=2.0, unit="s"))

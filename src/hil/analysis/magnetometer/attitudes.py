@@ -77,7 +77,7 @@ class CoilSurvey:
     """What a reference at rest saw: along the table's 0 deg, along its 90 deg, and up, in uT.
 
     Attributes:
-        ambient: (3,), without current.
+        ambient: (3,), without what the coils add.
         per_ampere: (3,), what the coils add.
         constant: its part upwards, in uT/A.
     """
@@ -108,6 +108,9 @@ def coil_survey(
 ) -> CoilSurvey:
     """Return ambient field and what coils add per ampere, from recordings of both directions and without current.
 
+    The ambient field is the mean of all three: what both directions add is as large, and noise is less than without
+    current alone.
+
     Args:
         plus: with the current, one recording (samples, 3) in uT for each repetition.
         zero: without it.
@@ -120,7 +123,9 @@ def coil_survey(
     certain = max((each.uncertainty or 0.0 for each in currents), default=0.0)
     size = Figure(value=float(amperes.mean()), unit="A", uncertainty=certain)
     return CoilSurvey(
-        ambient=np.concatenate([np.asarray(each) for each in zero]).mean(axis=0),
+        ambient=np.mean(
+            [np.concatenate([*map(np.asarray, phase)]).mean(axis=0) for phase in (plus, zero, minus)], axis=0
+        ),
         per_ampere=np.asarray(response.odd / size.value),
         constant=response.component("z") / size,
     )
