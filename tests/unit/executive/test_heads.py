@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import shutil
 from datetime import timedelta
 
@@ -19,7 +20,8 @@ from hil.executive.ending.stop import StopFlags
 from hil.executive.journaling.events import Events
 from hil.executive.journaling.heads import Heads
 from hil.executive.resuming.earlier import find_earlier
-from hil.model.errors import Refused
+from hil.executive.setup import head
+from hil.model.errors import EvidenceError, Refused
 
 READ = {"kind": "effect", "case": "a", "name": "supply.load.current", "effect": "reads", "result": 0.04166}
 DROVE = {**READ, "effect": "drives"}
@@ -126,3 +128,14 @@ def test_a_run_is_told_that_the_ledger_has_a_later_time(tmp_path, monkeypatch):
         shutil.rmtree(folder)
     assert told[0].startswith("CLOCK: the times of this run cannot be believed: line 5 of")
     assert told[0].endswith("a clock was set back, or had been ahead")
+
+
+def test_a_full_disk_is_told_with_the_folder_of_the_run(tmp_path, monkeypatch):
+    """A write that fails names no file, and 'None' says nothing to anybody."""
+
+    def write(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(head, "_freeze", write)
+    with pytest.raises(EvidenceError, match=r"/run-1: cannot be frozen: No space left on device"):
+        head.freeze(None, tmp_path / "run-1")

@@ -175,7 +175,8 @@ def freeze(configuration: Configuration, folder: Path) -> Frozen:
     try:
         return _freeze(configuration, folder)
     except OSError as error:
-        raise EvidenceError(f"{shown(str(error.filename))}: cannot be frozen: {error.strerror}", _READABLE) from error
+        where = shown(str(error.filename or folder))  # a write to a full disk does not tell its file
+        raise EvidenceError(f"{where}: cannot be frozen: {error.strerror}", _READABLE) from error
     except UnicodeEncodeError as error:
         raise EvidenceError(f"{shown(error.object)}: this name is no text", "rename the file") from error
 
