@@ -15,6 +15,7 @@ ROOT = Path(hil.__file__).parent
 APART = {
     "documents/canonical.py": "writes files",
     "documents/suggest.py": "words of messages",
+    "documents/text.py": "words of messages",
     "evidence/__init__.py": "empty",
     "evidence/events/__init__.py": "what is written down",
     "executive/cases/escapes.py": "refuses calls from other processes",
