@@ -36,9 +36,6 @@ HEADLINES = {
 }
 """What stands on the first page of the report, by role and parameter."""
 
-REPEATED = 0.999
-"""Confidence of the uncertainties that a second run may differ by: of 24 axes none fails by chance in 98 % of runs."""
-
 REFERENCE = "thermometer.reference"
 _POLL_S = 10.0
 
@@ -153,7 +150,7 @@ def compared(drifts, recorded, check):
             runs = [recorded[run][name] for run in ("first", "second")]
             change = drift_change(*((run.time, run.temperature, run.axes[axis]) for run in runs), runs[0].unit)
             differs, why = relative_deviation(first, other), change.why("slope")
-            error = normalised_error(change.slope, confidence=REPEATED)
+            error = normalised_error(change.slope)
             of, told, headline = f"{name}.{axis}", f"{name}.{axis}, second run", HEADLINES["", "drift_repeat"]
             check("IMU-LMP-050", "drift_repeat", error, of=of, doubts=why, at=told, headline=headline)
             yield deviating(of, "second run", relative_deviation(first, again))

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import sweeps
 
+from hil.analysis.comparison import normalised_error
 from hil.analysis.drift import drift_of
 from hil.analysis.repeated import drift_change
 from hil.model.errors import Refused
@@ -51,6 +52,22 @@ def test_intervals_of_no_change_hold_zero():
         for seed in range(trials)
     )
     assert beyond <= 0.05 * trials + 3 * math.sqrt(0.0475 * trials)
+
+
+@pytest.mark.system
+def test_slow_noise_that_hardly_shows_is_no_change():
+    """A walk of a third of the power of sixty averages is often taken for white noise; three uncertainties are enough."""
+    trials, beyond = sweeps.chosen(40, 1000), 0
+    for seed in range(trials):
+        random = np.random.default_rng(seed)
+        walks = np.cumsum(random.normal(0.0, 0.01 / math.sqrt(20.0 * 660.0), (2, TIME.size)), axis=1)
+        first, again = (
+            (time, degrees, values + walk)
+            for (time, degrees, values), walk in zip((run(0.02, 2 * seed), run(0.02, 2 * seed + 1)), walks, strict=True)
+        )
+        error = normalised_error(drift_change(first, again, "deg/s").slope)
+        beyond += error.value > 3.0
+    assert beyond <= 0.002 * trials
 
 
 def test_what_cannot_be_compared_says_so():
