@@ -56,7 +56,7 @@ def test_intervals_of_no_change_hold_zero():
 
 @pytest.mark.system
 def test_slow_noise_that_hardly_shows_is_no_change():
-    """A walk of a third of the power of sixty averages is often taken for white noise; three uncertainties are enough."""
+    """A walk of a third of the power of the averages is often taken for white; three uncertainties are enough."""
     trials, beyond = sweeps.chosen(40, 1000), 0
     for seed in range(trials):
         random = np.random.default_rng(seed)
