@@ -162,8 +162,8 @@ def test_the_exported_alignment_is_true(healthy, truth):
             (
                 "gyro1",
                 "{kind: temperature-raw, from: 410 s, until: 414 s}",
-                {"020": "RECORDED", "021": "INCONCLUSIVE", "022": "PASS", "030": "INCONCLUSIVE"},
-                "bias of x is INCONCLUSIVE: celsius of temperature: ",
+                dict.fromkeys(("020", "021", "022", "030"), "INCONCLUSIVE"),
+                "bias of x is INCONCLUSIVE: finite of temperature: ",
             ),
         ],
         1,
