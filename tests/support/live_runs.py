@@ -8,7 +8,7 @@ import signal
 import subprocess
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -136,12 +136,11 @@ class LiveRun:
 
 
 def guardian_of(process: int) -> int:
-    """Return the guardian that a process has started."""
-    children = [
-        int(child)
-        for task in Path(f"/proc/{process}/task").iterdir()
-        for child in (task / "children").read_text(encoding="ascii").split()
-    ]
+    """Return the guardian that a process has started; threads of that come and go while they are looked through."""
+    children: list[int] = []
+    for task in Path(f"/proc/{process}/task").iterdir():
+        with suppress(FileNotFoundError, ProcessLookupError):
+            children += map(int, (task / "children").read_text(encoding="ascii").split())
     return next(each for each in children if b"guardian" in Path(f"/proc/{each}/cmdline").read_bytes())
 
 
