@@ -16,6 +16,7 @@ __all__ = [
     "ABOVE_ZERO",
     "ACKNOWLEDGE_WITHIN",
     "ANSWERS",
+    "CONFIDENCE",
     "DEGC",
     "FINITE",
     "JSON",
@@ -70,6 +71,14 @@ ANSWERS = click.option(
     "--answers",
     type=click.Path(path_type=Path, exists=True, dir_okay=False),
     help="File with answers to the plan's questions.",
+)
+CONFIDENCE = click.option(
+    "--confidence",
+    type=float,
+    default=0.68,
+    show_default=True,
+    metavar="LEVEL",
+    help="Confidence level of the intervals.",
 )
 JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON document and nothing else.")
 ACKNOWLEDGE_WITHIN = click.option(

@@ -11,7 +11,7 @@ import click
 
 from hil.cli.analyses.log import obtain
 from hil.cli.analyses.wanted import Wanted, log_options
-from hil.cli.options import JSON, plot_option
+from hil.cli.options import CONFIDENCE, JSON, plot_option
 from hil.model.errors import Refused
 
 if TYPE_CHECKING:
@@ -46,14 +46,7 @@ __all__ = ["allan"]
     show_default=True,
     help="Where coefficients come from; nearest-slope adds the legacy read-out, for comparison with old tables.",
 )
-@click.option(
-    "--confidence",
-    type=float,
-    default=0.68,
-    show_default=True,
-    metavar="LEVEL",
-    help="Confidence level of the intervals.",
-)
+@CONFIDENCE
 @plot_option("the deviations")
 @JSON
 def allan(  # noqa: PLR0913 - one argument per option

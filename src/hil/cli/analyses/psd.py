@@ -11,7 +11,7 @@ import click
 
 from hil.cli.analyses.log import Log, obtain
 from hil.cli.analyses.wanted import Wanted, log_options
-from hil.cli.options import ABOVE_ZERO, JSON, Within, plot_option
+from hil.cli.options import ABOVE_ZERO, CONFIDENCE, JSON, Within, plot_option
 from hil.model.errors import HilError, Refused
 
 if TYPE_CHECKING:
@@ -45,14 +45,7 @@ __all__ = ["psd"]
     show_default=True,
     help="What is taken off each segment.",
 )
-@click.option(
-    "--confidence",
-    type=float,
-    default=0.68,
-    show_default=True,
-    metavar="LEVEL",
-    help="Confidence level of the intervals.",
-)
+@CONFIDENCE
 @click.option(
     "--false-alarm",
     type=Within(0.0, 1.0, min_open=True, max_open=True),
