@@ -245,7 +245,7 @@ def test_samples_do_not_depend_on_who_reads_before(chip):
 
 
 @EVERY
-def test_a_sampling_that_starts_anew_has_other_noise(chip):
+def test_a_sampling_that_restarts_has_other_noise(chip):
     """Or the difference of two recordings would cancel it."""
     bench = Bench(chip, truth=chip.noisy)
     rows = []

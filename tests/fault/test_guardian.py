@@ -186,7 +186,7 @@ def test_a_pulled_port_is_cut_off_by_another(tmp_path, stack, instruments):
     assert events(plan, "proof")[0]["detail"].startswith("cut off by relay, which is safe; its port is gone")
 
 
-def test_a_port_that_came_back_is_opened_anew(tmp_path, stack, instruments):
+def test_a_port_that_came_back_is_reopened(tmp_path, stack, instruments):
     """A descriptor that died with a pulled plug is replaced, where the plan says what to open."""
     pulled, again = instruments(), instruments()
     link = tmp_path / "psu"
@@ -203,7 +203,7 @@ def test_a_port_that_came_back_is_opened_anew(tmp_path, stack, instruments):
     assert latched(plan).outputs == ()
 
 
-def test_a_connection_is_used_while_it_stands_and_made_anew_when_it_does_not(tmp_path, stack, instruments):
+def test_a_connection_is_used_while_it_stands_and_remade_when_it_does_not(tmp_path, stack, instruments):
     """The one connection of an instrument outlives the executive; one that was shut down is replaced."""
     kept, shut = instruments(kind=NetworkInstrument), instruments(kind=NetworkInstrument)
     outputs = output_of("kept", "kept"), output_of("shut", "shut")

@@ -119,7 +119,7 @@ def test_a_time_of_day_that_jumps(tmp_path, bench, clocks):
 
 
 @pytest.mark.soak
-def test_a_machine_that_was_started_anew(tmp_path, bench, clocks):
+def test_a_machine_that_was_restarted(tmp_path, bench, clocks):
     """Boot time begins again with another boot; the reboot is an event, and the time by day tells how long it took."""
     workspace = clocks.of(recording_workspace(tmp_path / "w"))
     with running(bench, workspace) as run:

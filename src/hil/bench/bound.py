@@ -107,11 +107,11 @@ class BoundBench:
         }
         return Checkpoint(at_ns=self.clock.now_ns(), operations=self.transcript.operations, state=state)
 
-    def opened_anew(self) -> None:
+    def reopened(self) -> None:
         """Tell drivers that their ports were reopened: an instrument may have been reset by that, or left alone."""
         for driver in self.drivers.values():
             if isinstance(driver, OpenedAnew):
-                driver.opened_anew()
+                driver.reopened()
 
     def close(self) -> None:
         """Close every port and free the bench's URLs."""

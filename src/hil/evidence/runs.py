@@ -121,7 +121,7 @@ def find_runs(reports: Path, index: Index | None = None) -> list[RunSummary]:
     index = index or Index(None, "")
     seals = Seals(ledger)
     keys = ((folder, index.key(folder)) for folder in _inside(reports))
-    found = [_known_again(*each, index, seals) or _read_anew(*each, index, ledger) for each in keys]
+    found = [_known_again(*each, index, seals) or _summary_of(*each, index, ledger) for each in keys]
     index.save()
     return sorted(found, key=lambda run: (run.began, os.fsencode(run.folder.name)))
 
@@ -140,7 +140,7 @@ def _known_again(folder: Path, key: str, index: Index, seals: Seals) -> RunSumma
     return RunSummary(folder=folder, **{**told, "state": State(seen.state)})
 
 
-def _read_anew(folder: Path, key: str, index: Index, ledger: Ledger) -> RunSummary:
+def _summary_of(folder: Path, key: str, index: Index, ledger: Ledger) -> RunSummary:
     run = replace(_whatever_it_is(folder, ledger), began=_began(folder))
     if key and run.state in _LASTING:
         told: dict[str, Any] = {name: getattr(run, name) for name in Seen.__struct_fields__ if hasattr(run, name)}

@@ -146,7 +146,7 @@ class _Bno055(TimedSensor):
             wanted |= self.own
             self._registers.put(wanted)
             self._switch(self._mode, _FROM_CONFIG_S)
-        self._judge_anew()
+        self._rejudge()
         self._clock.sleep(2.0 * self._sampling.period)  # nothing says that a sample is there
         self._read_outputs()
 

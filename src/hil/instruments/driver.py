@@ -170,7 +170,7 @@ class Strapped(Protocol):
 class OpenedAnew(Protocol):
     """A driver that remembers of its instrument what does not outlive an opening of its port."""
 
-    def opened_anew(self) -> None:
+    def reopened(self) -> None:
         """Forget that; send nothing."""
         ...
 

@@ -173,7 +173,7 @@ class _FirstDie(SharedDie):
         self._registers.set(values)
         self._clock.sleep(_START_UP_S)
         self._registers.expect(values)
-        self._judge_anew()
+        self._rejudge()
         self._is_fresh()  # takes away the flag of a sample from before
         self._await_sample()
 
@@ -273,7 +273,7 @@ class Icm20948Magnetometer(Behind, Field):
         self._registers.write(MagnetometerRegister.CNTL3, _SOFT_RESET)
         self._clock.sleep(_MAG_RESET_S)
         self._registers.put({MagnetometerRegister.CNTL2: _MAG_RATES[self._rate]})
-        self._judge_anew()
+        self._rejudge()
         self._await_sample()
 
     def _switch_off(self) -> None:

@@ -117,7 +117,7 @@ class Keysight34461a(ScpiInstrument):
         settings.fits(wire, self.speech.driver, self.roles)
         return Keysight34461aInput(self, wire)
 
-    def opened_anew(self) -> None:
+    def reopened(self) -> None:
         """Forget what the instrument was set to."""
         self._set_to = None
 

@@ -98,7 +98,7 @@ class Lis3mdlMagnetometer(Field):
         self._registers.write(_CTRL_REG3, _CONTINUOUS)
         self._registers.expect_block(_CTRL_REG1, self._controls)
         self._await_sample()
-        self._judge_anew()
+        self._rejudge()
 
     def _sleep(self) -> None:
         """Put the sensor into power-down and read it back."""

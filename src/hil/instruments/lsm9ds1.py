@@ -153,7 +153,7 @@ class _Inertial(SharedDie):
         self._read_outputs()  # takes away the flags of a sample from before
         self._clock.sleep(_START_S)
         self._registers.expect(wanted)
-        self._judge_anew()
+        self._rejudge()
         fault = (
             f"no new sample {_START_S + _LONGEST_START_S:.2f} s after it was switched on",
             "check the sensor's power",

@@ -98,8 +98,10 @@ def test_a_ledger_that_lost_its_head_is_noticed(listed, reports):
     lines = file.read_bytes().splitlines(keepends=True)
     forged = lines[1].replace(b'"bench":"flight"', b'"bench":"fright"')
     file.write_bytes(b"".join((lines[0], forged, *lines[2:])))
-    anew = {run.folder.name: run for run in find_runs(reports)}
-    assert {name: run.state for name, run in listed()[0].items()} == {name: run.state for name, run in anew.items()}
+    looked_at = {run.folder.name: run for run in find_runs(reports)}
+    assert {name: run.state for name, run in listed()[0].items()} == {
+        name: run.state for name, run in looked_at.items()
+    }
 
 
 def test_an_interrupted_run_that_goes_on_is_running(listed, reports):

@@ -259,7 +259,7 @@ def test_the_speed_of_a_line_counts_as_noise():
     far.end()
 
 
-def test_a_terminal_is_opened_anew_raw_and_without_hanging_up_later():
+def test_a_terminal_is_reopened_raw_and_without_hanging_up_later():
     """Speed, eight bits and no line editing; a closing must not drop DTR."""
     far = Far("terminal")
     line = opened(GuardedPort(device="psu", url=os.ttyname(far.near), baud=9600))

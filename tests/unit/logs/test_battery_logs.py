@@ -137,7 +137,7 @@ def test_sealed_rows_tell_their_time_and_are_checked(tmp_path):
     assert read.remarks == ("1 torn row is left out, its interval is counted",)
 
 
-def test_the_devices_clock_may_wrap_or_begin_anew(tmp_path):
+def test_the_devices_clock_may_wrap_or_restart(tmp_path):
     """After 49.7 days the time runs on; after a reset one interval is counted, and the reset told."""
     stamps = [2**32 - 5000, 0, 5000]
     lines = [sealed(f"3.7;0.7;0.1;25.0;{n};{stamp};C") for n, stamp in enumerate(stamps)]

@@ -92,7 +92,7 @@ def test_the_guardian_talks_on_the_executives_connection(server, stream):
     assert stream.read(10, 5.0) == b"still open"
 
 
-def test_the_guardian_opens_a_lost_line_anew_and_proves(server, stream):
+def test_the_guardian_reopens_a_lost_line_and_proves(server, stream):
     """The settings are given again, and the proof has the byte that must be escaped."""
     proof = SafeBytes(
         off=(Exchange(send=b"\x01\x05\x00\x00\xff\x00", expect=rb"\x01\x05\x00\x00\xff\x00", within_s=2.0),),

@@ -275,13 +275,13 @@ class Entering:
             NotArmedAgain: if the bench of this process cannot be armed. A run on any other bench then stays open.
             DeviceFault: if an output or a stream of it does not continue.
         """
-        entries, anew = self._places.pop(place, []), self._boundary is not None and place == self._boundary.place
-        if not entries and not anew:
+        entries, reentered = self._places.pop(place, []), self._boundary is not None and place == self._boundary.place
+        if not entries and not reentered:
             return
         scheduler, before_ns = self._keeper.scheduler, self._bench.clock.now_ns()
         try:
             with scheduler.flags.undisturbed():  # nothing looks after a bench that is being armed
-                self._enter(place, entries, anew=anew)
+                self._enter(place, entries, reentered=reentered)
         finally:
             scheduler.put_off(self._bench.clock.now_ns() - before_ns)
 
@@ -297,18 +297,18 @@ class Entering:
         self._left = [each for each in self._left if each.case != case]
         return found
 
-    def _enter(self, place: int, entries: list[tuple[events.Entry, float]], *, anew: bool) -> None:
-        for entry, _ in entries if anew else entries[:-1]:  # entered here again: what came after it is void, too
+    def _enter(self, place: int, entries: list[tuple[events.Entry, float]], *, reentered: bool) -> None:
+        for entry, _ in entries if reentered else entries[:-1]:  # entered here again: what came after it is void, too
             self._record.store.note_void(entry)
         self._failed += [failed for entry, _ in entries for failed in entry.failed]
-        entry = self._anew(place) if anew else self._as_recorded(*entries[-1])
-        self._failed += entry.failed if anew else ()
+        entry = self._reentry(place) if reentered else self._as_recorded(*entries[-1])
+        self._failed += entry.failed if reentered else ()
         given_up = self._given_up
-        if anew and self._earlier is not None:
+        if reentered and self._earlier is not None:
             given_up = abandoned((line.event for line in self._earlier.lines), entry)
         self._left += [each for each in given_up if entry.boundary < each.void_to <= entry.void_to]
         if self._bench.outside:
-            self._bench.opened_anew()
+            self._bench.reopened()
         self._keeper.over = bool(entry.over)
         if entry.over:
             return
@@ -318,7 +318,7 @@ class Entering:
             flags = self._keeper.scheduler.flags
             if self._earlier is None:
                 flags.request(error.message)  # the replay of a run that somebody stopped here
-            elif not anew or self._bench.live is None:
+            elif not reentered or self._bench.live is None:
                 raise
             elif not flags.reason:
                 self._keeper.scheduler.lose(Distress(error.message, "arming"))
@@ -350,7 +350,7 @@ class Entering:
         self._keeper.scheduler.retrace_to(round(t * NANOSECONDS))
         return entry
 
-    def _anew(self, place: int) -> events.Entry:
+    def _reentry(self, place: int) -> events.Entry:
         """Enter the run here now."""
         if self._earlier is None or self._boundary is None:
             raise RuntimeError("nothing is entered again")

@@ -48,7 +48,7 @@ class Glance:
 
     def passes(self, rows: list[list[float]], ahead_ns: int, by_ns: int) -> bool:
         """Return whether rows are good at a glance, and note that they are; see `Feed.judge`."""
-        look = self._look or self._anew()
+        look = self._look or self._new_look()
         last_ns = round(rows[-1][0] * NANOSECONDS)
         if look is None or last_ns > look[0]:
             return False
@@ -69,7 +69,7 @@ class Glance:
         if waiting:
             self._count(waiting)
 
-    def _anew(self) -> _Look | None:
+    def _new_look(self) -> _Look | None:
         """Work out how far rows may go from what was counted last."""
         if (room := common_room(map(_room_of, self._monitors))) is not None:
             self._look = room.until_ns, [(self._places[name], *bounds) for name, bounds in room.bounds.items()]

@@ -152,7 +152,7 @@ class BareLines(Told):
 
     def _mark(self, line: bytes, now: float) -> None:
         if line == BANNER:
-            self.begin_anew(None)
+            self.restart(None)
             self.waiting = True
             self._arrivals = Arrivals()
         elif opened(line) is not None:

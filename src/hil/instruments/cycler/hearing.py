@@ -79,7 +79,7 @@ class Hearing:
             )
         return self.told
 
-    def opened_anew(self) -> None:
+    def reopened(self) -> None:
         """Forget what the line has said; the next one to ask waits until it shows its level again."""
         if self.told is not None:
             self.told.recording = False

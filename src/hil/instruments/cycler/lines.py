@@ -153,7 +153,7 @@ class Told:
         """Note that no test runs: what was measured in it says nothing of now."""
         self.state, self.phase, self.reading = state, 0.0, None
 
-    def begin_anew(self, banner: Banner | None) -> None:
+    def restart(self, banner: Banner | None) -> None:
         """Note that the device has started: no test runs."""
         self.over("idle")
         self.cycle = 0.0

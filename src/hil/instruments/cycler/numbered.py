@@ -170,7 +170,7 @@ class NumberedLines(Told):
     def _mark(self, body: bytes) -> None:
         text, number, ms, *_more = body.split(b";")
         if text == BANNER:
-            self._begin_anew(Banner.of_mark(body), int(number), int(ms))
+            self._restart(Banner.of_mark(body), int(number), int(ms))
             return
         self._follow(int(number))
         self.device_ms(int(ms))
@@ -191,8 +191,8 @@ class NumberedLines(Told):
         if self.state != state:
             self.over(state)
 
-    def _begin_anew(self, banner: Banner, number: int, ms: int) -> None:
-        self.begin_anew(banner)
+    def _restart(self, banner: Banner, number: int, ms: int) -> None:
+        self.restart(banner)
         self.number, self._ms, self._wrapped_ms = number, ms, 0
         self.unsure = self.went_back = False
 

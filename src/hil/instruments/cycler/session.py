@@ -64,9 +64,9 @@ class CyclerSession(Hearing):
         self._prefix = b""  # of the reply that is outstanding
         self._words: str | None = None
 
-    def opened_anew(self) -> None:
+    def reopened(self) -> None:
         """Forget what the line has told, and the reply that is outstanding."""
-        super().opened_anew()
+        super().reopened()
         self._prefix, self._words = b"", None
 
     def ask(self, command: str) -> str:

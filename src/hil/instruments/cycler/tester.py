@@ -319,9 +319,9 @@ class BatteryCycler:
             raise Refused(f"{connection.device}: a cycler is reached by a serial port", "give it `port:`")
         self._session = CyclerSession(connection.device, connection.port, connection.clock, timeout=connection.timeout)
 
-    def opened_anew(self) -> None:
+    def reopened(self) -> None:
         """Forget what the line has said: the opening resets most devices, and a test that ran is over."""
-        self._session.opened_anew()
+        self._session.reopened()
 
     def identify(self) -> Identity:
         """Wait until a line shows the level; ask a device of level 2 who it is, a level 1 device has its banner only.

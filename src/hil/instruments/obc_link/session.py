@@ -193,7 +193,7 @@ class ObcSession:
             self.starts += 1
         elif before.boots != found.boots:
             self.starts += 1
-            raise self._started_anew(found.boots, found.reason)
+            raise self._restarted(found.boots, found.reason)
         return found
 
     def request(self, command: Command, payload: bytes = b"", *, once: bool = False) -> Reply:
@@ -227,7 +227,7 @@ class ObcSession:
         if waiting := self._port.in_waiting:
             for frame in self._reader.feed(self._port.read(waiting)):
                 self.arrivals.place(frame)
-            self._must_not_have_started_anew()
+            self._must_not_have_restarted()
 
     def went_back(self) -> DeviceFault:
         """Return the fault of a board whose clock went back; the next request meets it again."""
@@ -265,7 +265,7 @@ class ObcSession:
                     reply = frame
                 else:
                     self.arrivals.place(frame)
-            self._must_not_have_started_anew()
+            self._must_not_have_restarted()
         return reply
 
     def _judged(self, command: Command, frame: Frame) -> bytes:
@@ -278,15 +278,15 @@ class ObcSession:
             raise BoardRefused(self.device, command, code, int.from_bytes(fields[:2], "little"))
         return fields
 
-    def _must_not_have_started_anew(self) -> None:
+    def _must_not_have_restarted(self) -> None:
         """Raise where a boot notice came within the session; before the first meeting it is nothing to tell."""
         if not (notice := self.arrivals.take_notice()):
             return
         known, self._board, self._met = self._board, None, False
         if known:
-            raise self._started_anew(notice.boots, notice.reason)
+            raise self._restarted(notice.boots, notice.reason)
 
-    def _started_anew(self, boots: int, reason: int) -> DeviceFault:
+    def _restarted(self, boots: int, reason: int) -> DeviceFault:
         fault = DeviceFault(self.device, f"the board has restarted (boot {boots}, {reason_text(reason)})", _LOOK)
         self.arrivals.break_streams(fault)
         return fault

@@ -107,7 +107,7 @@ class Axes(Sensor):
         super().__init__(registers, clock, wire)
         self._sampling = sampling
         self._judged = 0.0
-        self._judge_anew()
+        self._rejudge()
 
     @reads
     def temperature(self) -> Figure:
@@ -155,7 +155,7 @@ class Axes(Sensor):
             temperature, counts = self._read_outputs()
             return self._sampling.temperature.usable(temperature) and self.invalid not in counts
 
-        self._judge_anew()
+        self._rejudge()
         self._wait_for(valid, longest, self._sampling.period, (f"no valid data {since}", "check the sensor's power"))
 
     @property
@@ -163,7 +163,7 @@ class Axes(Sensor):
         """Over how many samples the noise is one and the same."""
         return max(1.0, self._sampling.rate / (2.0 * self._sampling.bandwidth))
 
-    def _judge_anew(self) -> None:
+    def _rejudge(self) -> None:
         """Forget the samples from before a start."""
         self._stillness = Stillness(self._device, self._sampling.axes, self._sampling.noise, self._patience)
         self._judged = 0.0
@@ -214,7 +214,7 @@ class Field(Sensor):
         super().__init__(registers, clock, wire)
         self._rate, self._axes, self._full_scale, self._noise = rate, axes, full_scale, noise
         self._celsius, self._warming = math.nan, 0.0
-        self._judge_anew()
+        self._rejudge()
 
     @reads
     def bandwidth(self) -> Figure:
@@ -231,7 +231,7 @@ class Field(Sensor):
         """Return the largest field of the chosen range in uT."""
         return Figure(value=self._full_scale, unit="uT")
 
-    def _judge_anew(self) -> None:
+    def _rejudge(self) -> None:
         """Forget the samples from before a start."""
         self._stillness = Stillness(self._device, self._axes, self._noise)
         self._warmed = -math.inf
