@@ -286,7 +286,7 @@ def test_flicker_behind_a_filter_is_right_whether_it_is_measured_or_not(monkeypa
             if model.flicker.status is not FigureStatus.MODEL_REJECTED and "the record holds" not in model.remark:
                 pulls.append((fits[-1].offered[2] - LEVELS["flicker"] ** 2) / math.sqrt(fits[-1].covariance[2, 2]))
     inside = sum(abs(pull) < 1.0 for pull in pulls)
-    sys.stdout.write(f"flicker behind a filter: {inside} of {len(pulls)} inside, mean {np.mean(pulls):.2f}\n")
+    sys.stdout.write(f"flicker after a filter: {inside} of {len(pulls)} inside, mean {np.mean(pulls):.2f}\n")
     assert abs(inside - 0.6827 * len(pulls)) <= spread(len(pulls), 0.6827)
     assert abs(np.mean(pulls)) <= 3.3 * 1.1 / math.sqrt(len(pulls))
 

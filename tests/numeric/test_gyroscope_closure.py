@@ -260,7 +260,7 @@ def test_the_coefficients_of_four_hours_at_rest_hold_the_truth(parts):
 
 
 def at_rest(seed, axis, levels):
-    """Return four hours of one axis at 100 Hz behind a filter of 25 Hz."""
+    """Return four hours of one axis at 100 Hz after a filter of 25 Hz."""
     noise = RateNoise(
         lambda kind: Seeds(seed).stream(f"gyro1.{axis}", kind), NoiseLevels(**levels), rate=100.0, bandwidth=25.0
     )

@@ -42,7 +42,7 @@ schema: hil/answers/1
 answers: {cell-place: assembly}
 """
 _ASKED = (("plus to plus? [yes or no]", "yes"), ("tightly to the cell? [yes or no]", "yes"))
-"""What a person says at each arming: the cell is connected behind its fuse, and the thermistor is at it."""
+"""What a person says at each arming: the cell is connected through its fuse, and the thermistor is at it."""
 
 
 def cycling_workspace(root: Path) -> BatteryWorkspace:

@@ -1,4 +1,4 @@
-"""Results that know where they come from: what goes into a function of the library stands behind what comes out."""
+"""Results that know where they come from: what comes out of a function of the library names what went in."""
 
 from __future__ import annotations
 
@@ -133,7 +133,7 @@ class Samples(np.ndarray[Any, np.dtype[Any]]):
 
     @property
     def provenance(self) -> Provenance | None:
-        """What stands behind the array, and behind what was written into it or into arrays that share its memory."""
+        """What the array comes from, and what was written into it or into arrays that share its memory."""
         return merged(self._own, *self._wrote) if self._wrote else self._own
 
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **kwargs: Any) -> Any:

@@ -73,7 +73,7 @@ class RecordedUnit:
 
 @dataclass(frozen=True, slots=True)
 class Provenance:
-    """What stands behind a value.
+    """What a value comes from.
 
     The executive gives it to readings, recordings and answers; functions of `hil.analysis` hand it on.
 

@@ -29,7 +29,7 @@ _STATUS: Mapping[str, str] = {
 }
 _RECORDING, _ANSWER, _PARAMETER = "recording ", "answer to ", "parameter "
 CALCULATED = "calculated"
-"""What is said of a figure behind which parameters of its plan stand, and nothing that was read or answered."""
+"""What is said of a figure that comes from parameters of its plan, and from nothing that was read or answered."""
 
 
 class Taken(msgspec.Struct, frozen=True, kw_only=True, order=True):
@@ -45,7 +45,7 @@ class Taken(msgspec.Struct, frozen=True, kw_only=True, order=True):
         unit: its unit.
         uncertainty: standard uncertainty; 0 if it is not known, which is a problem.
         dof: degrees of freedom, None if infinite.
-        unproven: why it proves nothing, sentences of its check or `CALCULATED`; empty if a reading stands behind it.
+        unproven: why it proves nothing, sentences of its check or `CALCULATED`; empty if it comes from a reading.
         problem: why it does not count, a sentence without its full stop; empty if nothing speaks against it.
         rate: samples per second of its recordings, the least of them; None if the package does not tell.
         bandwidth: noise bandwidth of the sensor's filter in Hz; None if the package does not tell.
@@ -232,7 +232,7 @@ def _told_of(reasons: Iterable[str]) -> str:
 
 
 class _Conditions:
-    """At which rate and behind which filter figures of a package were recorded, as its journal tells."""
+    """At which rate and through which filter figures of a package were recorded, as its journal tells."""
 
     def __init__(self, package: Package) -> None:
         self._rates: dict[tuple[str, str, str], list[float]] = {}

@@ -2,7 +2,7 @@
 
 No sum of quantisation, white noise, flicker and random walk falls faster towards high frequencies than at low ones;
 what a filter let through does. The spectrum is averaged over windowed parts of the record (Welch 1967) and over bands.
-The terms are fitted by Whittle's likelihood (1953): as they are and, where they do not describe it, behind low-passes
+The terms are fitted by Whittle's likelihood (1953): as they are and, where they do not describe it, after low-passes
 of several shapes.
 """
 

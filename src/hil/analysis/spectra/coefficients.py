@@ -291,7 +291,7 @@ def _search(bands: Bands, design: _Array, bandwidth: float | None) -> _Fit | Non
 
 
 def _filtered(bands: Bands, design: _Array, usable: int, found: _Fit) -> bool:
-    """Whether the highest band lies below a fit without it, as behind a filter; otherwise the misfit is elsewhere."""
+    """Whether the highest band lies below a fit without it, as after a filter; otherwise the misfit is elsewhere."""
     expected = float(design[usable - 1] @ found.squares)
     return float(bands.density[usable - 1]) < expected * (1.0 - _CLEARLY * math.sqrt(2.0 / bands.edf[usable - 1]))
 

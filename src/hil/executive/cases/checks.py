@@ -115,8 +115,8 @@ class Checks(OfThisProcess):
             parameter: a parameter of its limits.
             value: a figure; a bare number only where the unit is `1`; a text where the limit is one.
             of: which member of the limit's denominator (axis, channel).
-            instrument: the role whose certificate adds its uncertainty in quadrature, and which then stands behind the
-                value, too; readings and recordings of roles carry theirs already.
+            instrument: the role whose certificate adds its uncertainty in quadrature, and from which the value then
+                comes as well; readings and recordings of roles carry theirs already.
             doubts: why the data of the value cannot be trusted, a sentence each, such as gates that tripped;
                 with one of them the check is INCONCLUSIVE, whatever the value.
             at: the conditions in words, such as `axis z, 25.0 degC`, which every table of the report gives the value
@@ -311,7 +311,7 @@ def _sentences(doubts: object) -> tuple[str, ...]:
 
 @dataclass(frozen=True, slots=True)
 class _Standing:
-    """What stands behind a value: an instrument's uncertainty, provenance, why it proves nothing, and conditions."""
+    """What a value comes from: an instrument's uncertainty, provenance, why it proves nothing, and conditions."""
 
     added: float | None
     provenance: Provenance | None

@@ -181,7 +181,7 @@ class Operator(OfThisProcess):
             unit: the unit of the number.
             name: the question's name.
             uncertainty: its standard uncertainty, if known; that of the instrument's certificate where it is left out.
-            instrument: the name of what is read in the register of instruments; it then stands behind the figure.
+            instrument: the name of what is read in the register of instruments; the figure then comes from it.
                 Write it as a text in the call, so that its certificate is known before the run.
             witness: as of `confirm`.
             picture: as of `confirm`.

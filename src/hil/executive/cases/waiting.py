@@ -61,7 +61,7 @@ class CaseClock(OfThisProcess):
     ) -> Figure:
         """Wait until a condition is met, and return how long that took, in s.
 
-        The condition is looked at again and again; it reads instruments, which stand behind the figure. What it waits
+        The condition is looked at again and again; the figure comes from the instruments that it reads. What it waits
         for happened between the beginning of the last look that did not show it and the end of the first one that did;
         what began the time, between `since` and this call. The middles of both spans are taken, and the spans are the
         uncertainty (rectangles, GUM 4.3.7), together with 100 ppm of the clock.
@@ -105,7 +105,7 @@ class CaseClock(OfThisProcess):
         """Return when the last look in vain began, -1 without one, and when that ended which was not; None in vain."""
         vain_ns, turn = -1, 0
         while True:
-            learnt.clear()  # what the last look reads stands behind the figure
+            learnt.clear()  # the figure comes from what the last look reads
             began_ns = self._scheduler.now_ns()
             met = bool(condition())
             now_ns = self._scheduler.now_ns()

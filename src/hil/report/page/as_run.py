@@ -120,7 +120,7 @@ def check_row(check: Check, named: CaseName | None = None, attempt: str = "") ->
 
 
 def behind(names: Iterable[str]) -> str:
-    """Return what stands behind a value; of a recording once, with its channels in brackets."""
+    """Return what a value comes from; of a recording once, with its channels in brackets."""
     channels: dict[str, list[str]] = {}
     for name in names:
         head, _, channel = name.partition(", ") if name.startswith("recording ") else (name, "", "")

@@ -83,7 +83,7 @@ class ConverterTruth:
 
 
 class PowerConverter(Plant):
-    """A converter behind an input capacitor that a supply charges through leads, a contact and a limiter.
+    """A converter with an input capacitor that a supply charges through leads, a contact and a limiter.
 
     Until the converter starts, the capacitor charges as one of a series circuit does; the supply's current limit is
     slower than that, and holds from the start on. Afterwards the converter draws the power of its rail and its losses,

@@ -19,7 +19,7 @@ def driven(shape: str, frequency: float, amplitude: float, offset: float, since_
 
 
 class SignalNode(Plant):
-    """Input `drive`, see `driven`, empty for nothing; signal `voltage` [V]. The output behind it has no resistance."""
+    """Input `drive`, see `driven`, empty for nothing; signal `voltage` [V]. Its driver has no output resistance."""
 
     def __init__(self, name: str, grid_ns: int) -> None:
         super().__init__(name, grid_ns, (), {"drive": ""}, frozenset({"voltage"}))
