@@ -41,7 +41,7 @@ system: setup
 	$(BIN)/python -m pytest -m "system and alone" $(WAITING)
 
 # Everything, every sweep in full: takes hours, most of them for the table of endings. Run it before a release. If it is
-# interrupted, or something failed by chance, it goes on with what has not passed on this commit; a tree with changes starts anew.
+# interrupted, or something failed by chance, it goes on with what has not passed on this commit; a changed tree starts from the first.
 soak: SOAKED = --passed-before .soak/$(shell git diff --quiet HEAD && git rev-parse HEAD || date +changed-%s)
 soak: setup
 	$(BIN)/python -m pytest --soak -m "not alone" $(SHARED) $(SOAKED)
