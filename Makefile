@@ -41,8 +41,9 @@ system: setup
 	$(BIN)/python -m pytest -m "system and alone" $(WAITING)
 
 # Everything, every sweep in full: takes hours, most of them for the table of endings. Run it before a release. If it is
-# interrupted, or something failed by chance, it goes on with what has not passed on this commit; a changed tree starts from the first.
-soak: SOAKED = --passed-before .soak/$(shell git diff --quiet HEAD && git rev-parse HEAD || date +changed-%s)
+# interrupted, or something failed by chance, it goes on with what has not passed on this commit; a changed tree starts
+# from the first.
+soak: SOAKED = --passed-before=.soak/$(shell git diff --quiet HEAD && git rev-parse HEAD || date +changed-%s)
 soak: setup
 	$(BIN)/python -m pytest --soak -m "not alone" $(SHARED) $(SOAKED)
 	$(BIN)/python -m pytest --soak -m "alone" $(WAITING) $(SOAKED)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -38,7 +40,8 @@ def test_taken_down_badly(spoilt):
 def test_skipped():
     pass
 """
-_SUPPORT = Path(__file__).parents[1] / "support"
+_ROOT = Path(__file__).parents[2]
+_SUPPORT = _ROOT / "tests/support"
 
 
 def ran(folder, *options, **environment):
@@ -66,3 +69,17 @@ def test_only_what_has_not_passed_is_run_again(tmp_path, options):
     assert "3 passed" in second
     assert "4 tests have passed, 1 of them before" in second
     assert len((tmp_path / "kept/passed").read_text().split()) == 4
+
+
+def test_each_part_of_a_soak_goes_on_with_the_file_that_the_first_has_begun(tmp_path):
+    """A file that exists must not be taken for one with tests: pytest would not know our options then."""
+    for name in ("pyproject.toml", "src", "tests"):
+        (tmp_path / name).symlink_to(_ROOT / name)
+    told = subprocess.run(["make", "-n", "soak"], cwd=_ROOT, capture_output=True, text=True, check=True).stdout
+    parts = [shlex.split(line)[3:] for line in told.splitlines() if "--soak" in line]
+    assert len(parts) == 2
+    for part in parts:
+        file = tmp_path / re.findall(r"--passed-before[ =](\S+)", " ".join(part))[0]
+        file.parent.mkdir(exist_ok=True)
+        file.touch()
+        assert "--passed-before=FILE" in ran(tmp_path, *part, "--help")
