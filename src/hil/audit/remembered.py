@@ -98,8 +98,15 @@ def removed_from(asked: Iterable[Asked], register: Register, remembered: Sequenc
 
 def _with(instrument: RegisteredInstrument, removed: Sequence[Certificate]) -> RegisteredInstrument:
     """Return an instrument with certificates that it had, the oldest first; of one day those removed come first."""
-    ordered = sorted((*removed, *instrument.certificates), key=lambda each: each.date)
-    return replace(instrument, certificates=tuple(ordered))
+    before = {each.number: each for each in removed}
+    present = (_no_better(each, before.get(each.number, each)) for each in instrument.certificates)
+    return replace(instrument, certificates=tuple(sorted((*removed, *present), key=lambda each: each.date)))
+
+
+def _no_better(certificate: Certificate, before: Certificate) -> Certificate:
+    """Return a certificate that was changed: it returns nothing in tolerance, and for no longer, than it did before."""
+    left = certificate.as_left if before.as_left.good else before.as_left
+    return replace(certificate, as_left=left, due=min(certificate.due, before.due))
 
 
 def _items(found: Iterable[object]) -> Iterator[Remembered]:

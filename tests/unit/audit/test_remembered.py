@@ -20,6 +20,7 @@ from hil.registers.instruments import AsFound, AsLeft
 REPAIR = UnitEvent(kind=UnitEventKind.REPAIR, date="2026-07-01", text="J3 replaced", reference="NCR-7", reverify=True)
 REPAIRED = Register(duts={DUT.serial: replace(DUT, events=(REPAIR,))}, instruments={INSTRUMENT.id: INSTRUMENT})
 BAD = certificate("C-2", "2026-09-01", "2027-09-01", as_found=AsFound.OUT_OF_TOLERANCE, as_left=AsLeft.ADJUSTED)
+SPOILT = certificate("C-9", "2026-08-01", "2027-08-01", as_left=AsLeft.OUT_OF_TOLERANCE)
 GOOD = replace(BAD, as_found=AsFound.IN_TOLERANCE)
 
 
@@ -56,6 +57,12 @@ TAKEN_OUT = {
     "a certificate": (
         replace(CLOSED, register=recalled(BAD)),
         CLOSED,
+        "CAL_RETRO",
+        "dmm-1 (certificate C-2) was found out of tolerance on 2026-09-01",
+    ),
+    "how a certificate left the instrument": (
+        replace(CLOSED, register=recalled(SPOILT, BAD)),
+        replace(CLOSED, register=recalled(replace(SPOILT, as_left=AsLeft.ADJUSTED), BAD)),
         "CAL_RETRO",
         "dmm-1 (certificate C-2) was found out of tolerance on 2026-09-01",
     ),
