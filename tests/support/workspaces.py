@@ -84,6 +84,14 @@ parameters:
 - {name: current, value: "0.01", unit: A, text: Coil current}
 """
 
+_MEASURED = """\
+import resource, subprocess, sys
+code = subprocess.call(sys.argv[1:])
+sys.stderr.write(f"{resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss}\\n")
+sys.exit(code)
+"""
+"""Runs a command and tells the peak memory of its processes; a process of its own, because a child begins with the
+memory of whoever started it, and other children of that one are not to be counted."""
 _PLACES = {"psu1": '      connects: {"2"', "relay1": '      connects: {"1"', "mag1": "      connects: {field"}
 
 
@@ -189,6 +197,14 @@ class Workspace:
     def hil(self, *arguments: str, timeout: float = 150) -> Ended:
         """Run `hil` in a process of its own to its end."""
         return finish(self.start(*arguments), timeout)
+
+    def hil_measured(self, *arguments: str, timeout: float = 150) -> tuple[Ended, int]:
+        """Run `hil` to its end, and return its peak memory in KiB as well."""
+        command = [sys.executable, "-c", _MEASURED, *command_line(*arguments)]
+        pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "stdin": subprocess.DEVNULL}
+        options = {**pipes, "start_new_session": True, "text": True}
+        ended = finish(subprocess.Popen(command, cwd=self.root, env=self.environment, **options), timeout)
+        return ended, int(ended.err.splitlines()[-1])
 
     def lock(self) -> None:
         """Write the plan's lock as its requirements are now."""

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 import sweeps
 from gyroscope_runs import CALIBRATION, committed_workspace, faulty, gyroscope_workspace, run_one
 from told_as_json import results_as_json
-from workspaces import ROOT, command_line
+from workspaces import ROOT
 
 from hil.analysis.gyroscope.interchange import from_json
 from hil.bench.file.reading import load_bench
@@ -44,15 +41,6 @@ GOOD = {
     "ADCS-GYR-022": "PASS",
     "ADCS-GYR-030": "PASS",
 }
-MEASURED = """\
-import resource, subprocess, sys
-code = subprocess.call(sys.argv[1:])
-sys.stderr.write(f"{resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss}\\n")
-sys.exit(code)
-"""
-"""Runs a command and tells the peak memory of its processes; a process of its own, because a child begins with the
-memory of whoever started it."""
-
 ARTIFACT = "data/attachments/test_calibration-calibration.json"
 
 
@@ -184,15 +172,8 @@ def test_doubts_about_one_recording_reach_the_whole_calibration(tmp_path, device
 def test_the_plan_as_committed_passes(tmp_path):
     """Four hours at 100 Hz and the whole calibration, in a process of its own with less than 600 MB."""
     workspace = committed_workspace(tmp_path / "workspace")
-    measured = subprocess.run(
-        [sys.executable, "-c", MEASURED, *command_line(*workspace.run_arguments)],
-        cwd=workspace.root,
-        env=workspace.environment,
-        check=False,
-        capture_output=True,
-        text=True,
-    )
+    ended, peak = workspace.hil_measured(*workspace.run_arguments, timeout=600)
     (folder,) = workspace.folders()
-    assert (measured.returncode, found(Package(folder))) == (0, GOOD), measured.stderr
+    assert (ended.code, found(Package(folder))) == (0, GOOD), ended.err
     assert verify(folder).findings == ()
-    assert int(measured.stderr.splitlines()[-1]) < 600_000  # kB
+    assert peak < 600_000
