@@ -232,8 +232,8 @@ def test_a_safety_confirmation_is_given_at_another_terminal(tmp_path, folder):
 def test_a_run_is_resumed_whose_person_took_time_to_answer(tmp_path, folder, said):
     """Its bench was looked after meanwhile, which the resumed run comes to again.
 
-    What was confirmed is asked again; who says no then has taken no time from the safe-off that follows. A replay
-    takes that answer from the record, too, and asks nobody.
+    What was confirmed is asked again; who says no then has taken no time from the safe-off that follows, and the run
+    can be resumed once that is put right. A replay takes that answer from the record, too, and asks nobody.
     """
     workspace = without_git(workspace_of(tmp_path / "w", seconds=20.0))
     workspace.change("testplans/on/test_on.py", ASKS)
@@ -254,7 +254,7 @@ def test_a_run_is_resumed_whose_person_took_time_to_answer(tmp_path, folder, sai
         finally:
             clear_latches_of(run.name)
         assert bench.on() == set()
-    assert ended.code == (0 if said == "yes" else 1), ended.out + ended.err
+    assert ended.code == (0 if said == "yes" else 2), ended.out + ended.err
     assert "input typed before this question was asked is discarded" in ended.err
     assert "NOT SAFE" not in ended.out
     package = Package(run)
