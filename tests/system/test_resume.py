@@ -103,7 +103,7 @@ def test_a_run_that_is_killed_again_and_again_comes_to_the_same(workspace):
 def interrupted(workspace):
     """The folder of a run that was killed in its case."""
     folder = begun(workspace)
-    assert killed(STARTED[-1], 1.2)
+    assert killed(STARTED[-1], 0.6)
     return folder
 
 
