@@ -12,6 +12,7 @@ from hil.clock.virtual import VirtualClock
 from hil.executive.ending.stop import StopFlags, Stopped
 from hil.executive.watching.ports import NoMachine
 from hil.executive.watching.scheduler import CaseTimeout, Scheduler
+from hil.executive.watching.sharing import Pace
 from hil.executive.watching.timeline import OnBench, timeline_of
 from hil.model.errors import NoReply, Tripped
 from hil.wire.transcript import Transcript
@@ -74,6 +75,29 @@ def test_a_monitor_that_is_overdue_runs_at_a_call_too():
     clock.sleep(3.0)
     scheduled.point()
     assert len(watch.readings) == 2
+
+
+@pytest.mark.parametrize(("takes", "period"), [(0.0, 1.0), (0.004, 2.0)])
+def test_a_case_that_never_waits_is_watched_all_the_same(takes, period):
+    """A reading that takes no time is taken when it is due, any other one a period later, whatever else is watched."""
+    clock, scheduled, watch = watched(limit(), limit("other", period=0.5), takes=takes)
+    scheduled.sleep(0.1)
+    for _ in range(100):
+        clock.sleep(0.1)
+        scheduled.point()
+    times = [round(at, 1) for name, at, _ in watch.readings if name == "v"]
+    assert times == pytest.approx([turn * period for turn in range(int(10 / period) + 1)], abs=0.11)
+
+
+def test_a_reading_outside_before_a_recording_is_confirmed_soon():
+    """What was found before a recording began is not left until the turn that was foreseen before."""
+    values = iter([5.0, 11.0, 11.0])
+    clock, scheduled, _ = watched(limit(period=10.0, max_age=30.0, debounce=2), value=lambda: next(values), takes=0.2)
+    scheduled.sleep(5.0)
+    scheduled.share(Pace("rest", 100_000_000, 10_000_000, 1000, None))
+    with pytest.raises(Tripped):
+        scheduled.sleep(3.0)
+    assert clock.now() < 7.0
 
 
 def test_a_reading_outside_trips_once_and_for_all():

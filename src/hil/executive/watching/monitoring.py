@@ -71,6 +71,7 @@ class Monitoring:
         watching: whether they run.
         case: hears when a monitor's device is silent or talks nonsense, None between cases.
         soonest_ns: before this instant none is due.
+        quiet_ns: before this instant none is read where nothing waits and no recording shares the bus.
         bus: says when one may be read.
     """
 
@@ -85,7 +86,7 @@ class Monitoring:
         self.all = list(monitors)
         self.watching = False
         self.case: CaseAtWork | None = None
-        self.soonest_ns = 0
+        self.soonest_ns = self.quiet_ns = 0
         self.bus = Bus()
         self._bench = bench
         self._clock = bench.clock
@@ -97,8 +98,12 @@ class Monitoring:
         """Start watching, or start again."""
         for monitor in self.all:
             monitor.restart(self._clock.now_ns())
-        self.soonest_ns = 0
+        self.look_again()
         self.watching = True
+
+    def look_again(self) -> None:
+        """Look at every monitor at the next turn: some may be due sooner than they were."""
+        self.soonest_ns = self.quiet_ns = 0
 
     def look_up_ns(self, when_ns: int, timeline: Timeline) -> int:
         """Return when a wait until `when_ns` has to look up: for one of them, where a record has it, or at its end."""
@@ -112,6 +117,11 @@ class Monitoring:
         for monitor in timeline.due(self.all, until_ns, name, self.bus):
             self._take(monitor, name)
         self.soonest_ns = timeline.soonest_ns(self.all)
+
+    def run_overdue(self, timeline: Timeline) -> None:
+        """Run those that cannot wait for a wait in which there is room for them."""
+        self.run(self._clock.now_ns(), timeline)
+        self.quiet_ns = timeline.quiet_ns(self.all)
 
     def beside(self, fed: Fed) -> list[Monitor]:
         """Return the monitors but those that rows feed."""
@@ -167,6 +177,7 @@ class Monitoring:
         self._reports.reading(monitor.limit.id, self._clock.now(), figure)
         if trip:
             self._trip(trip)
+        self.look_again()  # after a reading outside the next one is due sooner
 
     def _tell_of_silence(self, monitor: Monitor, lasted_ns: int) -> None:
         """Tell of a reading that came in the end, but held the case up: a driver asks again after a silence."""

@@ -147,7 +147,8 @@ class Scheduler:
             if self._beside:
                 self._take_turns(now_ns, None)
                 now_ns = self.clock.now_ns()
-            self.monitoring.run(now_ns, self.timeline)
+            if now_ns >= self.monitoring.quiet_ns or self.monitoring.bus.shares:
+                self.monitoring.run_overdue(self.timeline)
 
     def sleep(self, seconds: float) -> None:
         """Let `seconds` of bench time pass."""
@@ -200,7 +201,7 @@ class Scheduler:
     def unfeed(self, feed: Feed) -> None:
         """Let the monitors take readings again."""
         self.feeds.end(feed, self.clock.now_ns())
-        self.monitoring.soonest_ns = 0
+        self.monitoring.look_again()
 
     def come(self) -> None:
         """Catch up with the present, where people or other processes took time; a replayed bench catches up alike."""

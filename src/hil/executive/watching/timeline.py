@@ -88,6 +88,10 @@ class Timeline(Protocol):
         """Return the instant before which no monitor takes a turn."""
         ...
 
+    def quiet_ns(self, monitors: Sequence[Monitor]) -> int:
+        """Return the instant before which none takes a turn where nothing waits and no recording shares the bus."""
+        ...
+
     def look_up_ns(self, when_ns: int, monitors: Sequence[Monitor]) -> int:
         """Return when a wait until `when_ns` has to look up for a turn."""
         ...
@@ -166,6 +170,10 @@ class OnBench:
     def soonest_ns(self, monitors: Sequence[Monitor]) -> int:
         """Return when the next one is due."""
         return min([monitor.due_ns for monitor in monitors], default=0)
+
+    def quiet_ns(self, monitors: Sequence[Monitor]) -> int:
+        """Return when the next one is overdue, or due if its reading takes no time."""
+        return min([each.overdue_ns if each.room_ns else each.due_ns for each in monitors], default=0)
 
     def look_up_ns(self, when_ns: int, monitors: Sequence[Monitor]) -> int:
         """Return when the next one is due that has room before `when_ns`: now, if that passed during a reading."""
@@ -317,6 +325,8 @@ class OnRecord:
         """Return 0: only the record knows."""
         del monitors
         return 0
+
+    quiet_ns = soonest_ns
 
     def look_up_ns(self, when_ns: int, monitors: Sequence[Monitor]) -> int:
         """Return where the record has the wait end or stay."""
