@@ -2,9 +2,10 @@
 
 Run it from the top of the repository: `python tests/bench/modules_passed.py [--names]`. It runs the plan `jig` in a
 process of its own, with a reading and a check under a profile. A function is passed by the reading if it is entered
-in the course of the call. It is passed by the check if it is entered in the course of the call too, and from then to
-the end of the process if it takes or returns something that holds the check: its parameter's name, in a text, in
-bytes, or up to three levels deep in a container or object.
+during the call. It is passed by the check if it is entered during the call too, and from then to the end of the
+process if it takes or returns something that holds the check: its headline, in a text, in bytes, or up to three
+levels deep in a container or object. The headline is put together while the case runs, so that neither the plan's
+sources nor its requirements hold it.
 """
 
 from __future__ import annotations
@@ -17,15 +18,14 @@ import tempfile
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-MARK = "voltage_to_trace"
 PLAIN = '        check("JIG-MAG-010", "voltage", supply.sensor.voltage(), headline="Supply of the sensor")\n'
 TRACED = """\
         supply.sensor.voltage()
-        tracer = modules_tracer.Tracer("@MARK@", "@FOLDER@")
+        tracer = modules_tracer.Tracer("@FOLDER@")
         with tracer.entered("reading"):
             found = supply.sensor.voltage()
         with tracer.entered("check"):
-            check("JIG-MAG-010", "@MARK@", found, headline="Supply of the sensor")
+            check("JIG-MAG-010", "voltage", found, headline=modules_tracer.MARK)
         tracer.follow("report")
 """
 TRACER = '''\
@@ -37,6 +37,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 DEPTH = 3
+MARK = " ".join(("Supply", "to", "trace"))
 
 
 def held_by(value):
@@ -58,8 +59,8 @@ def held_by(value):
 class Tracer:
     """Counts calls by module."""
 
-    def __init__(self, mark, folder):
-        self._mark, self._bytes, self._folder = mark, mark.encode(), Path(folder)
+    def __init__(self, folder):
+        self._mark, self._bytes, self._folder = MARK, MARK.encode(), Path(folder)
 
     @contextmanager
     def entered(self, name):
@@ -114,7 +115,7 @@ class Tracer:
 
 
 def workspace(folder: Path) -> Path:
-    """Lay a copy of the workspace into a folder, with the case traced and the check under a name of its own."""
+    """Lay a copy of the workspace into a folder, with the case traced and the check under a headline of its own."""
     shutil.copytree(ROOT / "fixtures", folder / "fixtures", ignore=shutil.ignore_patterns("__pycache__"))
     plan = folder / "testplans" / "jig"
     shutil.copytree(ROOT / "testplans" / "jig", plan, ignore=shutil.ignore_patterns("__pycache__"))
@@ -125,13 +126,9 @@ def workspace(folder: Path) -> Path:
     text = case.read_text(encoding="utf-8")
     if PLAIN not in text:
         raise SystemExit(f"{case}: the line to trace is not there any more; change PLAIN in {__file__}")
-    traced = text.replace(PLAIN, TRACED.replace("@MARK@", MARK).replace("@FOLDER@", str(folder)))
+    traced = text.replace(PLAIN, TRACED.replace("@FOLDER@", str(folder)))
     head = f"import sys\n\nsys.path.insert(0, {str(folder)!r})\nimport modules_tracer\n"
     case.write_text(traced.replace("import pytest\n", f"{head}import pytest\n", 1), encoding="utf-8")
-    catalogue = plan / "requirements.yaml"
-    text = catalogue.read_text(encoding="utf-8")
-    catalogue.write_text(text.replace("parameter: voltage,", f"parameter: {MARK},"), encoding="utf-8")
-    (plan / "requirements.lock.json").unlink()
     return folder
 
 
@@ -140,13 +137,10 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = workspace(Path(name))
         hil = Path(sys.executable).with_name("hil")
-        for command in (
-            [hil, "requirements", "lock", "jig"],
-            [hil, "run", "jig", "--bench", "adcs", "--source", "simulated", "--dut", "SIM-ADCS-1"],
-        ):
-            ended = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
-            if ended.returncode:
-                raise SystemExit(f"{ended.stdout}{ended.stderr}")
+        command = [hil, "run", "jig", "--bench", "adcs", "--source", "simulated", "--dut", "SIM-ADCS-1"]
+        ended = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+        if ended.returncode:
+            raise SystemExit(f"{ended.stdout}{ended.stderr}")
         found = {each: json.loads((folder / f"{each}.json").read_text()) for each in ("reading", "check", "report")}
     for each in ("reading", "check"):
         print(f"{each}: {sum(found[each].values())} calls, {len(found[each])} modules")
