@@ -96,7 +96,7 @@ def derive(events: Iterable[Event], facts: Facts, *, content_digest: str, form: 
     """
     happened = tuple(before_results(events))
     state = fold(standing(happened))
-    if form > _WITHOUT_GIVEN_UP:
+    if form > _WITHOUT_GIVEN_UP and state.resumptions:
         state.give_up(abandoned(happened))
     cases = tuple(_case(case, state, facts, form) for case in state.cases.values())
     carried: dict[str, list[CaseOutcome]] = {}

@@ -85,8 +85,10 @@ def assemble(material: Material, evidence_digest: str) -> RunView:
     """
     events, results = material.events(), material.results()
     placed, run, bench = attributed(events), results.run, parse(material.text(_BENCH), _BENCH)
+    checks = [each for each in placed if isinstance(each.event, Check)]
+    others = [each for each in placed if not isinstance(each.event, Check)]
     entries, names, drawn = requirement_entries(material), _names(results), _drawn(material, events, bench)
-    cases = _cases(placed, results, drawn)
+    cases = _cases(others, results, drawn)
     return RunView(
         title=", ".join(run.plans) if run else "",
         subject=subject(results),
@@ -103,29 +105,29 @@ def assemble(material: Material, evidence_digest: str) -> RunView:
         common_proofs=common_proofs(results),
         facts=facts(material, run, inner(bench, "bench"), events),
         documents=_documents(material),
-        failed=_failed(placed, names),
+        failed=_failed(checks, names),
         broken=_broken(results, names),
         held=_held(results, names),
         requirements=tuple(_requirement(entry, entries.get(entry.id, {}), names) for entry in results.requirements),
         unspoken=unspoken(entries, {entry.id for entry in results.requirements}),
-        headlines=headlines(placed),
-        charts=chart_graphics(_charts(placed)),
-        checks=check_groups(placed, names),
+        headlines=headlines(checks),
+        charts=chart_graphics(_charts(others)),
+        checks=check_groups(checks, names),
         cases=cases,
         procedure=case_groups(cases),
-        watched=watched_rows(placed),
+        watched=watched_rows(others),
         watched_graphics=drawn.get("", ()),
-        fed=fed_limits(placed),
+        fed=fed_limits(others),
         not_run=_not_run(events, results),
         orphans=tuple(case for event in events if isinstance(event, Orphan) for case in event.cases),
-        armings=armings(events),
-        safe=safe_off(events),
+        armings=armings(each.event for each in others),
+        safe=safe_off(each.event for each in others),
         safe_word=safe_word(results),
         instruments=instruments(bench, inner(_json(material, "bench/calibration.json"), "instruments")),
         wiring=wiring(bench),
-        people=people(run, placed),
-        given=given_rows(placed, names, material),
-        happenings=_told_once(happenings(placed, names, guarded(material.guardian()), material.sent()), entries),
+        people=people(run, others),
+        given=given_rows(others, names, material),
+        happenings=_told_once(happenings(others, names, guarded(material.guardian()), material.sent()), entries),
         deviations=run.deviations if run else (),
         parameters=_parameters(material),
         software=_software(results, _json(material, "software.json"), _json(material, "place.json")),
@@ -196,10 +198,10 @@ def _instant(stamp: str) -> str:
     return f"{stamp[:10]} {stamp[11:19]}" if len(stamp) > 19 else stamp
 
 
-def _failed(placed: Sequence[Placed], names: Mapping[str, CaseName]) -> tuple[CheckRow, ...]:
+def _failed(checks: Sequence[Placed], names: Mapping[str, CaseName]) -> tuple[CheckRow, ...]:
     """Return the checks of the last attempts that are not good."""
-    counting = [each for each in placed if each.counted and isinstance(each.event, Check)]
-    return tuple(row for row in checks_of(counting, names) if not row.verdict.good)
+    rows = checks_of([each for each in checks if each.counted], names)
+    return tuple(row for row in rows if not row.verdict.good)
 
 
 def _charts(placed: Sequence[Placed]) -> list[Chart]:
