@@ -97,6 +97,37 @@ def test_a_killed_run_goes_on_where_it_was(tmp_path):
     assert (earlier.boundary, earlier.next_recording, earlier.own_course) == (None, 8, 3)
 
 
+CUT = [("effect", {"effect": "waits", "raised": "Stopped"})]
+STOPPED = [("case-end", {"case": "a", "verdict": "ABORTED", "reasons": ["stopped by disk full"]})]
+GAP = [("anomaly", {"text": "disk full: 3 events before this one could not be written"})]
+BEHIND = [("anomaly", {"text": "disk full: operations before this event could not be written"})]
+NEXT = [("step", {"number": "3", "turn": 3})]
+
+
+@pytest.mark.parametrize("stop", [[], STOP], ids=["without stop", "stop"])
+@pytest.mark.parametrize("ending", [CUT, STOPPED, GAP, BEHIND], ids=["cut", "aborted", "gap", "behind"])
+def test_a_run_is_not_entered_past_its_end(tmp_path, ending, stop):
+    """A case hears of a stop before the journal does, and a full disk leaves events out; nothing retraces that."""
+    assert find_earlier(folder_of(tmp_path, TURN, ending, NEXT, stop)).boundary.sequence == 7
+
+
+def test_an_attempt_that_counts_is_no_end(tmp_path):
+    """The case is ABORTED for what was read before the run was resumed; the killed run goes on where it was."""
+    ended = [("case-end", {"case": "a", "verdict": "ABORTED", "reasons": ["an earlier attempt counts: stopped by"]})]
+    assert find_earlier(folder_of(tmp_path, CASE, ended)).boundary is None
+
+
+def test_a_gap_that_is_void_keeps_nothing_from_being_entered(tmp_path):
+    """Anomalies stand for ever; the run was entered before this one."""
+    folder = folder_of(tmp_path, TURN, GAP, STOP)
+    found = find_earlier(folder)
+    entry = Entry(place=8, boundary=7, void_to=found.lines[-1].event.seq, operations=5, number=1, rows=(), kept="")
+    with Journal(folder / "data/journal.jsonl") as journal:
+        Resumption(found, journal).resume(99.0, entry)
+        journal.write(event_of("step", number="2.1"), 99.0)
+    assert find_earlier(folder).boundary is None
+
+
 @pytest.mark.parametrize(
     ("parts", "why"),
     [

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 import threading
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -19,8 +20,13 @@ from hil.evidence.journal.clocks import SUPERVISOR
 from hil.evidence.journal.reader import FIRST, read_journal
 from hil.model.errors import EvidenceError, Refused
 
-__all__ = ["Journal"]
+__all__ = ["UNRECORDED", "Journal", "is_gap"]
 
+UNRECORDED = "disk full: operations before this event could not be written"
+"""What an anomaly says where the journal goes on, and the transcript does not."""
+
+_LOST = "disk full: {} events before this one could not be written"
+_GAP = re.compile(f"{_LOST.format('[0-9]+')}|{UNRECORDED}")
 _OLDEST_S = 0.5
 _SUPERVISED_S = 60.0
 """So far apart are the lines that carry what the supervisor stamped; the last ones do in any case."""
@@ -120,9 +126,7 @@ class Journal:
             raise Refused(f"{self._path.name} has one writer", "write from the process and thread that opened it")
         try:
             if self._lost:
-                text = f"disk full: {self._lost} events before this one could not be written"
-                self._append(Anomaly(text=text), t, NOTHING)
-                self._lost = 0
+                self._tell_lost(t)
             number = self._append(event, t, beside)
         except OSError as error:
             if error.errno not in DISK_FULL:
@@ -138,9 +142,13 @@ class Journal:
     def tick(self) -> None:
         """Bring events to the disk that wait for long; called at every scheduling point, twice a second or more often.
 
+        Events that found no space are counted as soon as there is some.
+
         Raises:
             OSError: if the disk does not take them, and there is no reserve to release.
         """
+        if self._lost:
+            self._tell_lost(self._last_t)
         if self._waits_since is not None and self._now() - self._waits_since >= _OLDEST_S:
             self._sync()
 
@@ -167,6 +175,11 @@ class Journal:
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
         self.close()
+
+    def _tell_lost(self, t: float) -> None:
+        """Write down how many events found no space."""
+        self._append(Anomaly(text=_LOST.format(self._lost)), t, NOTHING)
+        self._lost = 0
 
     def _go_on(self) -> None:
         reading = read_journal(self._path)
@@ -237,3 +250,8 @@ class Journal:
         if error.errno not in DISK_FULL or not free_reserve(self._reserve):
             raise error
         self._full = True
+
+
+def is_gap(event: Event) -> bool:
+    """Return whether a full disk left something out before this event: no run can retrace its record past it."""
+    return isinstance(event, Anomaly) and _GAP.fullmatch(event.text) is not None

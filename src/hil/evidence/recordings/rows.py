@@ -22,10 +22,14 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["Rows", "RowsEnd"]
+__all__ = ["DiskFull", "Rows", "RowsEnd"]
 
 _FLUSH_ROWS = 4_096
 _OLDEST_S = 0.5
+
+
+class DiskFull(EvidenceError):
+    """Rows found no space; they are kept in memory."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,6 +58,7 @@ class Rows:
 
     Attributes:
         at_divergence: hears of rows that are others than the file holds, before that is raised.
+        at_full: hears that rows found no space, and wait; it may raise what ends their recording.
     """
 
     def __init__(
@@ -74,6 +79,7 @@ class Rows:
         self._now = now
         self._os_write = write
         self.at_divergence: Callable[[Diverged], object] = lambda _: None
+        self.at_full: Callable[[DiskFull], object] = _raised
         self._width = len(channels) + 1
         self._pack = struct.Struct(f"<{self._width}d").pack
         self._hash = hashlib.sha256()
@@ -97,7 +103,7 @@ class Rows:
         self._buffer += self._pack(*row)
         self._rows += 1
         if self._rows >= self._due:
-            self._flush()
+            self._flush_or_wait()
 
     def append_rows(self, rows: NDArray[np.float64]) -> None:
         """Take a block of rows, shape (n, 1 + channels); what is on the disk is the same as row by row."""
@@ -110,11 +116,11 @@ class Rows:
             self._rows += len(piece)
             done += len(piece)
             if self._rows >= self._due:
-                self._flush()
+                self._flush_or_wait()
 
     def covers_s(self) -> float:
         """Return the time from the first row to the last one, 0 with fewer than two."""
-        self._flush()
+        self._flush_or_wait()
         if self._first_time is None or self._last_time is None:
             return 0.0
         return self._last_time - self._first_time
@@ -209,6 +215,14 @@ class Rows:
     def _next_due(self) -> int:
         return min(self._rows + _FLUSH_ROWS, (self._rows // BLOCK + 1) * BLOCK)
 
+    def _flush_or_wait(self) -> None:
+        """Flush; rows for which a full disk has no space are tried again with later ones."""
+        try:
+            self._flush()
+        except DiskFull as error:
+            self._due = self._next_due()
+            self.at_full(error)
+
     def _flush(self) -> None:
         if self._past is not None:
             self._follow(self._past)
@@ -286,5 +300,11 @@ class Rows:
         self._synced_at = now
 
     def _failed(self, error: OSError) -> EvidenceError:
-        what = "disk full" if error.errno in DISK_FULL else f"cannot be written: {error.strerror}"
-        return EvidenceError(f"{self._path}: {what}", "free some space before the next run")
+        hint = "free some space before the next run"
+        if error.errno in DISK_FULL:
+            return DiskFull(f"{self._path}: disk full", hint)
+        return EvidenceError(f"{self._path}: cannot be written: {error.strerror}", hint)
+
+
+def _raised(error: DiskFull) -> NoReturn:
+    raise error

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from typing import Protocol
 
 import msgspec
 
 from hil.clock.port import Clock
-from hil.evidence.events import NOTHING, Effect, Entry, Event
-from hil.evidence.journal.writer import Journal
+from hil.evidence.events import NOTHING, Anomaly, Effect, Entry, Event
+from hil.evidence.journal.writer import UNRECORDED, Journal
 from hil.executive.ending.stop import StopFlags, leave_unsealed
 from hil.model.errors import Diverged, EvidenceError
 
@@ -120,6 +119,7 @@ class Events:
         self._past = past
         self._caller = caller or Unheard()
         self._count = past.course if past else 0
+        self._unrecorded = False
         self._clock: Clock | None = None
         self._run: Eventful | None = None
         self._listeners: dict[Listener, tuple[type[Event], ...]] = {}
@@ -129,6 +129,11 @@ class Events:
     def course(self) -> int:
         """How many events of the run's own course there are."""
         return self._count
+
+    @property
+    def lost(self) -> int:
+        """How many events found no space, and are not accounted for yet; see `Journal.lost`."""
+        return self._journal.lost
 
     def follow(self, clock: Clock) -> None:
         """Stamp events with this clock from now on; before that they are at zero."""
@@ -213,8 +218,21 @@ class Events:
 
     def _append(self, event: Event, t: float, beside: Mapping[str, object]) -> None:
         if self._run is not None:
-            with suppress(OSError):  # a full disk is reported by its own watch
+            try:
                 self._run.before_line()
+                self._unrecorded = False
+            except OSError:
+                self._note_unrecorded(t)
+        self._put(event, t, beside)
+
+    def _note_unrecorded(self, t: float) -> None:
+        """Note, once, that the transcript no longer holds what the events from here on stand on."""
+        self._flags.leave_off(DISK_FULL)
+        if not self._unrecorded:
+            self._unrecorded = True
+            self._put(Anomaly(text=UNRECORDED), t, NOTHING)
+
+    def _put(self, event: Event, t: float, beside: Mapping[str, object]) -> None:
         try:
             self._journal.write(event, t, beside=beside)
         except EvidenceError:

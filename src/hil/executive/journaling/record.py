@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack, suppress
 from io import FileIO
@@ -212,6 +214,20 @@ class Beginning(Protocol):
         ...
 
 
+class _Sink(FileIO):
+    """The file of a transcript, which is full while `frozen`."""
+
+    def __init__(self, path: Path, mode: str, frozen: Callable[[], bool]) -> None:
+        super().__init__(path, mode)
+        self._frozen = frozen
+
+    def write(self, data: bytes | bytearray | memoryview, /) -> int:  # type: ignore[override]
+        """Write as much as fits."""
+        if self._frozen():
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return super().write(data)
+
+
 class Record:
     """What a run writes down, and what of an interrupted run comes again before anything new is written.
 
@@ -251,9 +267,16 @@ class Record:
             self.events.listen(listener)
         if leases:  # nobody resumes a rehearsal
             self.events.listen(self._heads(configuration))
-        self.store = RowStore(self.folder, self.events, again=beginning.resumes, caller=caller)
+        self.store = RowStore(
+            self.folder,
+            self.events,
+            again=beginning.resumes,
+            caller=caller,
+            full=lambda: flags.leave_off(DISK_FULL),
+            frozen=self._frozen,
+        )
         past = past_lines(self.folder / TRANSCRIPT) if beginning.resumes else None
-        self._sink = FileIO(self.folder / TRANSCRIPT, "a" if past else "w")
+        self._sink = _Sink(self.folder / TRANSCRIPT, "a" if past else "w", self._frozen)
         self.transcript = Transcript(self._sink, past)
         self.transcript.at_divergence = caller.diverged
         self.upkeep = Upkeep(self.folder, self.events, self.store, self.transcript, flags, self)
@@ -322,9 +345,25 @@ class Record:
         """Come before an event of a live bench; after a wake nobody knows whether there is another one.
 
         Such a bench is not made again from a checkpoint: each event needs the operations before it.
+
+        Raises:
+            OSError: if the disk has no space for them, nor a reserve to release.
         """
         self.upkeep.keep_time()
-        self.transcript.flush()
+        try:
+            self.transcript.flush()
+        except OSError:
+            if not free_reserve(self.folder / RESERVE):
+                raise
+            self.transcript.flush()
+
+    def _frozen(self) -> bool:
+        """Return whether rows and transcript wait for the journal, which has no space for an event.
+
+        A bench in this process is made again, and has to come to what they hold: to nothing from after a stop that
+        the journal does not know of.
+        """
+        return self._configuration.reach is None and self.events.lost > 0
 
     def _released(self, _: Event) -> None:
         """Do not let a run that is killed now begin in the middle of a hold that is over."""

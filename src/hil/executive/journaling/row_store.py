@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import errno
+import os
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,8 +16,9 @@ from hil.evidence import events
 from hil.evidence.events import EventSink
 from hil.evidence.folder import RECORDINGS, RESERVE
 from hil.evidence.recordings.row_file import NUMBER, read_rows, table
-from hil.evidence.recordings.rows import Rows
-from hil.executive.journaling.events import Caller, Unheard
+from hil.evidence.recordings.rows import DiskFull, Rows
+from hil.executive.ending.stop import Stopped
+from hil.executive.journaling.events import DISK_FULL, Caller, Unheard
 from hil.model.errors import Diverged, EvidenceError
 
 if TYPE_CHECKING:
@@ -45,9 +49,17 @@ class OpenRecording:
         return self.rows.append
 
     def finish(self, *, complete: bool) -> str:
-        """Write the end down and return the hash of all rows."""
+        """Write the end down and return the hash of all rows; on a full disk it has no end, and the hash is empty.
+
+        Raises:
+            Stopped: on a full disk, if it is a case's.
+        """
         self._forget(self)
-        end = self.rows.finish()
+        try:
+            end = self.rows.finish()
+        except DiskFull as error:
+            self.rows.at_full(error)
+            return ""
         ended = events.RecordingEnd(
             recording=self.facts.recording,
             rows=end.rows,
@@ -67,12 +79,25 @@ class RowStore:
         journal: where events are written.
         again: whether rows that the folder holds already are made again, see `Rows`.
         caller: hears of rows that are others than the folder holds, before that is raised.
+        full: hears that a full disk has no space for rows.
+        frozen: whether no rows are to be written, see `Record`.
 
     Attributes:
         number: the number that the next recording gets.
     """
 
-    def __init__(self, folder: Path, journal: EventSink, *, again: bool = False, caller: Caller | None = None) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        journal: EventSink,
+        *,
+        again: bool = False,
+        caller: Caller | None = None,
+        full: Callable[[], object] = lambda: None,
+        frozen: Callable[[], bool] = lambda: False,
+    ) -> None:
+        self._full = full
+        self._frozen = frozen
         self._folder = folder
         self._journal = journal
         self._again = again
@@ -115,13 +140,29 @@ class RowStore:
                 ),
                 reserve=self._folder / RESERVE,
                 again=self._again,
+                write=self._write,
             )
+        except DiskFull as error:
+            self._hear_full(facts, error)
+            raise
         except EvidenceError as error:
             if self._again:
                 self._caller.diverged(Diverged(str(error)))
             raise
         rows.at_divergence = self._caller.diverged
+        rows.at_full = partial(self._hear_full, facts)
         return rows
+
+    def _hear_full(self, facts: events.Recording, error: DiskFull) -> None:
+        """End the case whose rows found no space, as whatever else stops the run does; all others wait."""
+        self._full()
+        if facts.case is not None:
+            raise Stopped(DISK_FULL) from error
+
+    def _write(self, descriptor: int, data: memoryview) -> int:
+        if self._frozen():
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return os.write(descriptor, data)
 
     def holds(self, recording: OpenRecording) -> bool:
         """Return whether a recording is open still."""
@@ -199,7 +240,8 @@ class RowStore:
     def end_of_case(self, case: str) -> None:
         """Finish what a case left open, as incomplete."""
         for recording in [each for each in self._open if each.facts.case == case]:
-            recording.finish(complete=False)
+            with suppress(Stopped):  # on a full disk it stays as it is
+                recording.finish(complete=False)
 
     def tick(self) -> None:
         """Bring waiting rows of every open recording to the disk."""

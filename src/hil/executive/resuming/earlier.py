@@ -16,8 +16,10 @@ from hil.evidence import events
 from hil.evidence.folder import JOURNAL, hold, is_sealed
 from hil.evidence.journal.past import entries
 from hil.evidence.journal.reader import Body, JournalLine, cut_torn_tail, read_journal, require_known_format
+from hil.evidence.journal.writer import is_gap
 from hil.evidence.ledger.heads import require_uncut
 from hil.evidence.state import RunState, fold, standing
+from hil.executive.ending.stop import Stopped
 from hil.executive.journaling.checkpoints import read_checkpoint
 from hil.executive.watching.arming import FIRST_ARMING
 from hil.model.errors import EvidenceError, Refused
@@ -263,15 +265,17 @@ def _boundary(earlier: Earlier) -> Boundary | None:
 
     A bench outside its process was made safe when that was killed, as if the run had been stopped. The run is
     entered at the beginning of the recording that was going on, if it continues, else of the turn of a loop, else of
-    the case, else at the end of the case before.
+    the case, else at the end of the case before. It is never entered past what shows that it was being stopped, or
+    that a full disk left something out: nothing can come to that again.
     """
     stands = standing(line.event for line in (*earlier.head, *earlier.lines))
     stop = next((event for event in stands if isinstance(event, events.Stop)), None)
-    if stop is None and not earlier.live:
+    whole = _before_the_end(stands)
+    if stop is None and not earlier.live and len(whole) == len(stands):
         return None
     if stop is not None and not stop.resumable:
         raise Refused(f"{earlier.folder.name}: the run was asked to stop for good", "seal it as it is with hil seal")
-    own = [event for event in stands if event.recurs]
+    own = [event for event in whole if event.recurs]
     ended = {event.recording for event in own if isinstance(event, events.RecordingEnd) and event.complete}
     found = [(place, event) for place, event in enumerate(own, 1) if _can_be_entered(event, ended)]
     if not found:
@@ -280,6 +284,24 @@ def _boundary(earlier: Earlier) -> Boundary | None:
     kept = event.recording if isinstance(event, events.Recording) else ""
     over = isinstance(event, events.CaseEnd) and not _left(earlier, own, stopped=stop is not None)
     return Boundary(place, event.seq, round(event.t * NANOSECONDS), kept, over)
+
+
+def _before_the_end(stands: Sequence[events.Event]) -> list[events.Event]:
+    """Return the events before the first that shows a stop on its way, or something that a full disk left out.
+
+    A case hears of a stop before the journal does: the event `stop` follows the end of the case, or found no space.
+    """
+    entered = max((event.seq for event in stands if isinstance(event, events.Resumed)), default=-1)
+    return list(takewhile(lambda event: event.seq <= entered or not _is_end(event), stands))
+
+
+def _is_end(event: events.Event) -> bool:
+    match event:
+        case events.Effect():
+            return event.raised == Stopped.__name__
+        case events.CaseEnd():
+            return event.verdict is Verdict.ABORTED and "".join(event.reasons[:1]).startswith("stopped by ")
+    return is_gap(event)
 
 
 def _left(earlier: Earlier, own: Sequence[events.Event], *, stopped: bool) -> set[str]:
