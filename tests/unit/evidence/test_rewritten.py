@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import shutil
+from pathlib import Path
 
 import pytest
 from evidence_runs import DUT, OF_ALL_RUNS, begin, sealed_run, write_report
@@ -184,3 +187,34 @@ def test_a_seal_does_not_wait_for_the_ledger(tmp_path):
     assert verify(folder).state is State.SEALED
     assert recover(folder, write_reports=write_report) == verify(folder).evidence_digest
     assert verify(folder).ledger.startswith("line 2, ")
+
+
+@pytest.mark.parametrize("entered", [True, False], ids=["entered", "missing"])
+def test_a_run_that_is_sealed_already_needs_no_right_to_write(tmp_path, monkeypatch, entered):
+    """Only where the line of its seal is missing, that is said, and why it cannot be written."""
+    folder = tmp_path / NAME
+    with begin(folder):
+        pass
+    digest = recover(folder, write_reports=write_report)
+    if not entered:
+        shutil.rmtree(tmp_path / LEDGER)
+
+    def refuse(*_, **__):
+        raise OSError(errno.EROFS, "Read-only file system")
+
+    def opened(path, flags, *mode, **where):
+        return refuse() if flags & os.O_RDWR else whole(path, flags, *mode, **where)
+
+    whole = os.open
+    monkeypatch.setattr(Path, "chmod", refuse)
+    monkeypatch.setattr(os, "open", opened)
+    if entered:
+        assert recover(folder, write_reports=write_report) == digest
+        return
+    with pytest.raises(EvidenceError) as told:
+        recover(folder, write_reports=write_report)
+    assert told.value.message.startswith(
+        f"{NAME}: it is sealed already, and only the line of its seal is missing from the ledger: {tmp_path}"
+    )
+    assert told.value.message.endswith("the ledger cannot be written: Read-only file system")
+    assert told.value.hint == f"make it writable; hil seal {NAME} enters it"

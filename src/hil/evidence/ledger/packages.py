@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -43,7 +44,11 @@ def enter(reports: Path, sealed: Sealed) -> None:
         other.extend(each for each in found if each.evidence != sealed.evidence)
         return bool(found)
 
-    append_once(reports, sealed, stands)
+    there = False
+    with suppress(EvidenceError):  # which the append below says
+        there = stands(read(reports))
+    if not there:  # what is there needs no right to write
+        append_once(reports, sealed, stands)
     if other:
         raise EvidenceError(
             f"{ledger_file(reports)}:{other[0].seq + 1}: {sealed.run} was sealed {_day(other[0])} with another digest",

@@ -164,7 +164,9 @@ def make_read_only(folder: Path) -> None:
 
 
 def _protect(path: Path) -> None:
-    path.chmod(stat.S_IMODE(path.stat().st_mode) & ~_WRITE)
+    mode = stat.S_IMODE(path.stat().st_mode)
+    if mode & _WRITE:  # a read-only file system refuses even a change to what is there
+        path.chmod(mode & ~_WRITE)
 
 
 def read_manifest(folder: Path, name: str) -> tuple[dict[str, str], list[Finding]]:

@@ -150,7 +150,7 @@ def finish(folder: Path, write_reports: ReportWriter) -> str:
     finally:  # the evidence does not wait for a report, which can be written again
         _tidy(folder)
         write_manifests(folder, info_of(folder, folder.name, reading))
-        not_entered = _enter(folder, reading)
+        not_entered = _enter(folder, reading, "it is sealed, but not entered in the ledger")
         put_seal(folder)
         make_read_only(folder)
         sync_folder(folder.parent)
@@ -159,8 +159,14 @@ def finish(folder: Path, write_reports: ReportWriter) -> str:
     return digest_of_manifest((folder / MANIFEST).read_bytes())
 
 
-def _enter(folder: Path, reading: JournalReading) -> EvidenceError | None:
-    """Enter a seal in the ledger of the folder of reports; where that fails, return why: evidence does not wait."""
+def _enter(folder: Path, reading: JournalReading, otherwise: str) -> EvidenceError | None:
+    """Enter a seal in the ledger of the folder of reports; where that fails, return why: evidence does not wait.
+
+    Args:
+        folder: the run's folder.
+        reading: its journal.
+        otherwise: what is said then, before why.
+    """
     state = fold(reading.events)
     run = state.run
     sealed = Sealed(
@@ -176,7 +182,7 @@ def _enter(folder: Path, reading: JournalReading) -> EvidenceError | None:
         enter(folder.parent, sealed)
     except EvidenceError as error:
         return EvidenceError(
-            f"{folder.name}: it is sealed, but not entered in the ledger: {error.message}",
+            f"{folder.name}: {otherwise}: {error.message}",
             f"{error.hint}; hil seal {folder.name} enters it",
         )
     return None
@@ -300,8 +306,10 @@ def recover(folder: Path, *, write_reports: ReportWriter) -> str:
         try:
             if not is_sealed(folder):
                 return _seal_as_it_is(folder, write_reports)
-            make_read_only(folder)
-            if not_entered := _enter(folder, read_journal(folder / JOURNAL)):
+            with suppress(OSError):  # it is somebody else's, or the file system is read-only
+                make_read_only(folder)
+            missing = "it is sealed already, and only the line of its seal is missing from the ledger"
+            if not_entered := _enter(folder, read_journal(folder / JOURNAL), missing):
                 raise not_entered
             return digest_of_manifest(read_plain(folder / MANIFEST))
         except SEAL_ERRORS as error:
