@@ -30,6 +30,18 @@ def test_committed_bench_is_clean():
     assert spec.envelope[0].debounce == 2
 
 
+@pytest.mark.parametrize("dut", ["true", "false"])
+def test_nothing_is_judged_by_itself(tmp_path, dut):
+    """A reference is no device under test: it would agree with itself, and nobody asks for its certificate."""
+    text = changed(
+        tmp_path,
+        ("role: magnetometer, instrument: mag1", "role: magnetometer, instance: reference, instrument: mag1"),
+        ("identity: {model: LIS3MDL}", f"identity: {{model: LIS3MDL}}\n    dut: {dut}"),
+    )
+    said = "magnetometer.reference is on mag1, which is under test: wire a reference that is not"
+    assert found(tmp_path) == ([f"{place(text, 'mag1, settings')}: {said}"] if dut == "true" else [])
+
+
 PSU = "port: TCPIP::192.168.10.21::5025::SOCKET"
 PSU_IDENTITY = "    identity: {manufacturer: Keysight Technologies, model: E36312A, serial: MY59002391}\n"
 CHANGES = [

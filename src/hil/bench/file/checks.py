@@ -23,6 +23,9 @@ __all__ = ["check_bench"]
 
 _NAME = re.compile("[A-Za-z][A-Za-z0-9_-]*")
 _KEY_OF_ENTRY = 3  # section, entry, key
+_REFERENCE = "reference"
+"""The instance of a role with which devices under test are compared."""
+
 _HIGHEST_STATION = 247  # Modbus over serial line, section 2.2; no other line with addresses has more
 
 
@@ -243,6 +246,20 @@ def _wiring(spec: BenchSpec) -> Complaints:
         seen.add(wire.name)
 
 
+def _references(spec: BenchSpec) -> Complaints:
+    """A device under test is not its own reference: it would agree with itself, and needs no certificate.
+
+    Nothing else of a bench says what a reference is, so it is known by its name.
+    """
+    under_test = {item.name for item in spec.instruments if item.dut}
+    for at, wire in listed("wiring", spec.wiring):
+        if wire.instance == _REFERENCE and wire.instrument in under_test:
+            yield (
+                (*at, "instrument"),
+                f"{wire.name} is on {wire.instrument}, which is under test: wire a reference that is not",
+            )
+
+
 def _shared(spec: BenchSpec) -> Complaints:
     """Two wires may share a board of contacts, but no contact; and a channel only where neither drives it."""
     by_place: dict[tuple[str, int], list[Wire]] = {}
@@ -303,6 +320,7 @@ The `name` of an entry is wrong where all of the section or entry is.
 _DRIVEN: _Checks = (
     (cutting_checks.cut_off, (*_OUTPUTS, *_PORTS, "wiring.instrument", "wiring.charges", "cut_paths")),
     (_ports, ()),
+    (_references, (*_OUTPUTS, "instruments.dut")),
 )
 _CHECKS: _Checks = (
     (_names, ()),
