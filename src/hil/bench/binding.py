@@ -1,4 +1,4 @@
-"""The composition root: a bench file becomes drivers on ports, whatever the ports lead to."""
+"""Composition root: turns a bench file into drivers on ports, whatever the ports lead to."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def bind_simulated(spec: BenchSpec, transcript: Transcript) -> BoundBench:
 
     Raises:
         Refused: if the bench file has no simulated twin.
-        TruthError: if a truth of plants or peers is wrong; `check_twin` finds all of them, with their places.
+        TruthError: if a truth of a plant or peer is wrong; `check_twin` finds all of them, with their places.
     """
     twin = simulated_twin(spec)
     clock = VirtualClock(twin.epoch)
@@ -51,7 +51,7 @@ def bind_resumed(
     *,
     asked: bool = False,
 ) -> BoundBench:
-    """Build the simulated twin on the record of a run so far; from the checkpoint on its world continues.
+    """Build the simulated twin on the record of a run so far; its world continues from the checkpoint.
 
     Args:
         spec: the bench file.
@@ -59,7 +59,7 @@ def bind_resumed(
         record: the transcript of the run so far.
         checkpoint: what `BoundBench.checkpoint` returned then.
         where: returns the current step, for messages.
-        asked: whether it continues when `go_on` is called, instead of where its record reaches the checkpoint.
+        asked: whether it continues when `go_on` is called rather than when its record reaches the checkpoint.
     """
     twin = simulated_twin(spec)
     clock = VirtualClock(twin.epoch)
@@ -121,11 +121,11 @@ def simulated_twin(spec: BenchSpec) -> SimulatedBench:
 
 
 def check_twin(document: Document[BenchSpec], findings: Findings, fits: bool) -> None:
-    """Check what only plants, peers and drivers understand: truths, and the settings of wires.
+    """Check what only plants, peers and drivers can check: truths, and the settings of wires.
 
     Args:
         document: the bench file.
-        findings: where everything that is wrong is noted.
+        findings: collects everything that is wrong.
         fits: whether nothing outside the simulated part is wrong, so that drivers can be made.
     """
     spec = document.model
@@ -141,7 +141,7 @@ def check_twin(document: Document[BenchSpec], findings: Findings, fits: bool) ->
 
 
 def _check_settings(spec: BenchSpec, root: Place, findings: Findings) -> None:
-    """Check the settings of wires by their drivers; no byte is sent, so an empty record stands for the instruments."""
+    """Let drivers check the settings of their wires; no byte is sent: an empty record stands in for the instruments."""
     with TemporaryDirectory(prefix="hil-") as folder:
         record = Path(folder) / "record"
         record.write_text(HEADER, encoding="ascii")

@@ -1,4 +1,4 @@
-"""A bench that is bound: its drivers on open ports, whatever the ports lead to."""
+"""A bound bench: drivers on open ports, whatever the ports lead to."""
 
 from __future__ import annotations
 
@@ -33,26 +33,26 @@ __all__ = ["BoundBench", "build", "publish_recorded", "url_of"]
 
 @dataclass(kw_only=True)
 class BoundBench:
-    """A bench with its drivers on open ports. Close it, so that its URLs are free again.
+    """A bench with its drivers on open ports; close it to free its URLs.
 
     Attributes:
         spec: the bench file.
         source: where the bytes come from.
         clock: the bench's clock.
         transcript: where every operation is noted.
-        drivers: per instrument.
+        drivers: by instrument.
         ports: the open byte streams.
-        buses: those that an instrument serves, by name.
+        buses: the buses that instruments serve, by name.
         world: plants, peers and person, on a simulated bench only.
         lines: the byte streams of a simulated bench, by instrument.
         playback: the record that answers, on a replayed bench, and on a resumed one until it continues.
         go_on: lets a resumed bench continue from its checkpoint, if its record does not say when.
         live: the clock of a bench outside this process, None for all others.
-        outside: whether the bench is outside this process, or was where it was recorded.
-        speed: seconds of the bench in one second of the wall, where somebody waits for it; 1 but for a served bench.
-        descriptors: of the open ports of such a bench, by instrument.
-        where: such a port's path or URL, by instrument.
-        brake: keeps bytes from such ports while the bench is armed, once somebody asked to stop.
+        outside: whether the bench is outside this process, or was when it was recorded.
+        speed: bench seconds per second of real time; 1 except for a served bench.
+        descriptors: of the open ports of a bench outside this process, by instrument.
+        where: path or URL of such a port, by instrument.
+        brake: blocks operations on such ports while the bench is armed, once a stop was requested.
     """
 
     spec: BenchSpec
@@ -88,7 +88,7 @@ class BoundBench:
         """The simulated person.
 
         Raises:
-            Refused: while there is none.
+            Refused: if there is none.
         """
         if self.world is None:
             raise Refused(f"bench '{self.spec.name}' has no simulated person", "answer with --answers or --ask")
@@ -97,7 +97,7 @@ class BoundBench:
     def checkpoint(self) -> Checkpoint | None:
         """Return all that a simulated bench needs to continue from here.
 
-        None while it is not known: bytes are on their way, or a record answers for the bench.
+        None while that is not known: bytes are in transit, or a record answers for the bench.
         """
         if self.world is None or not all(line.quiet for line in self.lines.values()):
             return None
@@ -108,7 +108,7 @@ class BoundBench:
         return Checkpoint(at_ns=self.clock.now_ns(), operations=self.transcript.operations, state=state)
 
     def reopened(self) -> None:
-        """Tell drivers that their ports were reopened: an instrument may have been reset by that, or left alone."""
+        """Notify the drivers that their ports were reopened, which may or may not have reset an instrument."""
         for driver in self.drivers.values():
             if isinstance(driver, OpenedAnew):
                 driver.reopened()
@@ -131,7 +131,7 @@ def build(
     playback: Playback | None = None,
     live: LiveClock | None = None,
 ) -> BoundBench:
-    """Make a bench whose ends were published: ports, buses, drivers; see `BoundBench`."""
+    """Build a bench on its published ends: ports, buses, drivers; see `BoundBench`."""
     drivers: dict[str, Driver] = {}
     bench = BoundBench(
         spec=spec,
@@ -156,9 +156,9 @@ def build(
 
 
 def publish_recorded(spec: BenchSpec, source: Source, playback: Playback) -> dict[str, Handed[Any]]:
-    """Let a record answer at every end of a bench, until something else is handed to the ends, which are returned.
+    """Let a record answer at every end of a bench until something else is handed to the ends; return the ends.
 
-    What hangs on a bus that an instrument serves has no record of its own: its bytes are in that instrument's.
+    A device on a bus that an instrument serves has no record of its own: its bytes are in that instrument's.
     """
     ends: dict[str, Handed[Any]] = {}
     for instrument in spec.instruments:
@@ -210,7 +210,7 @@ def _bus(bench: BoundBench, instrument: InstrumentSpec) -> I2cBus:
 
 
 def url_of(source: Source, spec: BenchSpec, end: str) -> str:
-    """Return the URL under which one end of a bench is found in this process."""
+    """Return the URL of one end of a bench within this process."""
     return f"{_world_url(source, spec.name)}{end}"
 
 

@@ -1,4 +1,4 @@
-"""How an instrument is reached, how far its outputs may be set, and what cuts them off when their own port is gone."""
+"""Connections of an instrument: its line, the clamps on its outputs, and their cut paths if the line is dead."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ __all__ = [
 
 
 def server_of(spec: BenchSpec, instrument: InstrumentSpec) -> InstrumentSpec | None:
-    """Return the instrument that serves the bus of another one, None if the bus or port is the host's own."""
+    """Return the instrument that serves another one's bus, None if the bus or port is the host's own."""
     name = next((bus.instrument for bus in spec.buses if bus.name == instrument.bus), "")
     return spec.instrument(name) if name else None
 
 
 def servers_first(spec: BenchSpec) -> list[InstrumentSpec]:
-    """Return the instruments in the file's order, but none before the one that serves its bus."""
+    """Return the instruments in file order, but each after the one that serves its bus."""
 
     def depth(instrument: InstrumentSpec) -> int:
         server = server_of(spec, instrument)
@@ -48,7 +48,7 @@ def clamps_of(spec: BenchSpec, instrument: str) -> Clamps:
 
 
 def line_of(spec: BenchSpec, instrument: str) -> str:
-    """Return the instrument of the host's own whose port or bus carries everything that is sent to one instrument."""
+    """Return the instrument on the host's own port or bus through which everything sent to this one passes."""
     found = spec.instrument(instrument)
     while server := server_of(spec, found):
         found = server
@@ -56,12 +56,12 @@ def line_of(spec: BenchSpec, instrument: str) -> str:
 
 
 def hazardous_wires(spec: BenchSpec) -> tuple[Wire, ...]:
-    """Return the wires whose outputs must not stay on when nobody can reach them."""
+    """Return the wires whose outputs must not stay on when they cannot be reached."""
     return tuple(wire for wire in spec.wiring if wire.hazardous and can_harm(wire))
 
 
 def can_harm(wire: Wire) -> bool:
-    """Return whether the wire's role is one whose outputs can do harm, whatever the bench file says of this one."""
+    """Return whether outputs of the wire's role can do harm, whatever the bench file says about this wire."""
     role = ROLES.find(wire.role)
     return role is not None and role.hazardous
 
@@ -72,9 +72,9 @@ def charges_a_battery(spec: BenchSpec) -> bool:
 
 
 def paths_of(spec: BenchSpec, output: str) -> dict[str, CutPath]:
-    """Return the cut paths of one output that do not share anything: by the port that they go through, or in words.
+    """Return the independent cut paths of one output, by the port that each goes through, or by its description.
 
-    A path through the output's own port is none, and two through one port are one: a line that is dead is dead for
+    A path through the output's own port does not count, and two through one port count once: a dead line is dead for
     both.
 
     Args:
@@ -93,7 +93,7 @@ def paths_of(spec: BenchSpec, output: str) -> dict[str, CutPath]:
 
 
 def stays_on(spec: BenchSpec) -> dict[str, CutPath | None]:
-    """Return, for every output that can do harm, what opens it first if run and guardian end at once; None if nothing.
+    """Return, for every output that can do harm, what opens it first if run and guardian both end, or None.
 
     Args:
         spec: the bench file; it was checked.
@@ -107,11 +107,11 @@ def stays_on(spec: BenchSpec) -> dict[str, CutPath | None]:
 
 
 def cut_path_shortfall(spec: BenchSpec, least: int) -> list[str]:
-    """Return a sentence for every output that can do harm and has fewer independent cut paths, nothing if none is.
+    """Return a sentence for every output that can do harm and has too few independent cut paths.
 
     Args:
         spec: the bench file; it was checked.
-        least: how many each needs in addition to its own port.
+        least: the number that each needs in addition to its own port.
     """
     told = []
     for wire in hazardous_wires(spec):

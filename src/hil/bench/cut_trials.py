@@ -1,4 +1,4 @@
-"""Cut paths tried at low energy: a current flows, the path is taken, and the current stops."""
+"""Low-energy trials of cut paths: a current flows, the path is taken, and the current stops."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ _FLOWS_WITHIN_S = 2.0
 _PAUSE_S = 0.1
 _FLOWING_SHARE = 0.5
 _LONGEST_TRIAL_S = 30.0
-"""A watchdog that is slower is not waited for at each arming."""
+"""A slower watchdog is not tried at every arming."""
 
 _HEADROOM_V = 0.05
-"""A cell so close to the reduced level takes too little current to show anything."""
+"""A cell this close to the reduced level takes too little current to show anything."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Trial:
-    """A supply at its reduced level, through something that a cut path opens.
+    """A supply at its reduced level, connected through something that a cut path opens.
 
     Attributes:
         supply: the wire whose current is read.
@@ -47,9 +47,9 @@ class _Trial:
 
 
 def cut_path_gates(bench: BoundBench) -> Iterator[Gate]:
-    """Try every cut path that can be tried at a reduced level, and say which ones were not tried.
+    """Try every cut path that can be tried at a reduced level, and report the ones that were not.
 
-    Everything is off when a gate is given, or the gate fails.
+    Everything is off when a gate is yielded, or the gate fails.
     """
     for path in bench.spec.cut_paths:
         name = f"cut path of {path.output}: {path.means}"
@@ -107,7 +107,7 @@ def _tried(bench: BoundBench, path: CutPath, trial: _Trial, name: str) -> Gate:
 
 
 def _cannot(bench: BoundBench, cycler: Wire, charger: Wire) -> str:
-    """Return why no current would flow into the cell, if so."""
+    """Return why no current would flow into the cell, empty if one would."""
     role = cast("Cycler", bench.roles[cycler.name])
     if role.level() == "1":
         return "a device of level 1 runs whole tests only"

@@ -21,16 +21,16 @@ __all__ = ["Monitor", "Trip", "all_fresh"]
 
 
 _TOGETHER_NS = 10_000_000_000
-"""From this period on, turns fall together. Short ones are apart from the rows of recordings, so they meet none."""
+"""Periods this long share one grid. Shorter ones keep their phase, so that they do not meet rows of recordings."""
 
 _UNKNOWN_NS = 40_000_000
-"""How long a first reading is taken to last."""
+"""Assumed duration of a first reading."""
 
 _ENOUGH = 3
-"""So many readings are seen before a recording is refused for what they take."""
+"""Readings observed before a recording may be refused for their duration."""
 
 _SOONER = 10
-"""After a reading outside, the next one comes this many times sooner, so that a short excess is confirmed too."""
+"""After a reading outside, the next one is due this many times sooner, so that a short excursion is confirmed too."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,19 +48,19 @@ class Monitor:
 
     A reading outside, or one that is not a number, counts towards the debounce, and the next is due after
     a tenth of the period; a good one clears the count. The absence of good readings for longer than the
-    maximum age is a trip of its own, also where the next one is good: nobody knows what was between them.
+    maximum age is a trip of its own, even if the next one is good: what happened in between is unknown.
 
     Args:
         limit: the limit of the bench file.
         read: takes a reading through the driver.
         start_ns: the bench time at which watching begins.
-        derivation: what computes the limit's quantity, None if it is what is read.
+        derivation: computes the limit's quantity, None if that is read directly.
 
     Attributes:
         limit: as given.
         derivation: as given.
         inside: a value that is within the limit.
-        catch_up: counts rows that wait to be counted, before anything else is.
+        catch_up: counts pending rows before anything else is counted.
         due_ns: when the next reading is due.
         good_ns: when the last good one was taken.
     """
@@ -91,12 +91,12 @@ class Monitor:
 
     @property
     def room_ns(self) -> int:
-        """The time that a reading needs, judged by the last one, with a quarter to spare."""
+        """Time that a reading needs: the duration of the last one plus a quarter."""
         return self._lasts_ns + self._lasts_ns // 4
 
     @property
     def least_room_ns(self) -> int:
-        """The same, judged by the shortest reading so far; 0 before the third, since a computer may stall in one."""
+        """The same for the shortest reading so far; 0 before the third, since the computer may stall during one."""
         return self._least_ns + self._least_ns // 4 if self._seen >= _ENOUGH else 0
 
     @property
@@ -106,7 +106,7 @@ class Monitor:
 
     @property
     def latest_ns(self) -> int:
-        """The instant from which on it is read whatever that disturbs: the last good reading is soon too old."""
+        """When it is read whatever that disturbs: the last good reading is about to be too old."""
         return self.good_ns + self.allowed_ns
 
     @property
@@ -116,16 +116,16 @@ class Monitor:
 
     @property
     def overdue_ns(self) -> int:
-        """The instant from which on it is read wherever the case is: a period late, or soon too old."""
+        """When it is read wherever the case is: a period late, or about to be too old."""
         return min(self.due_ns + self._period_ns, self.latest_ns)
 
     @property
     def good_until_ns(self) -> int:
-        """The instant from which on the last good reading is too old."""
+        """When the last good reading becomes too old."""
         return self.good_ns + self._max_age_ns
 
     def late_s(self, now_ns: int) -> float:
-        """Return how long after it was due a reading now would be, 0 up to a period after it was overdue."""
+        """Return how late a reading taken now would be, 0 until a period after it was overdue."""
         late = now_ns > self.overdue_ns + self._period_ns
         return (now_ns - self.due_ns) / NANOSECONDS if late else 0.0
 
@@ -153,7 +153,7 @@ class Monitor:
         return figure, trip
 
     def read_once(self) -> None:
-        """Take a reading that is not judged, to see how long it lasts."""
+        """Take a reading without judging it, to measure its duration."""
         self._read()
 
     def lasted(self, duration_ns: int) -> None:
@@ -163,7 +163,7 @@ class Monitor:
         self._seen += 1
 
     def counted(self, figure: Figure) -> Figure:
-        """Return a reading that was just taken as it counts: within the limit where that does not apply now."""
+        """Return the value that counts for a new reading: one within the limit if that does not apply now."""
         if self.derivation is None or self.derivation.applies:
             return figure
         return Figure(value=self.inside, unit=figure.unit)
@@ -181,9 +181,9 @@ class Monitor:
         return Trip(self.limit.id, _or_none(figure.value), self.limit.unit, f"{self.limit.output}: {problem}")
 
     def judge_row(self, when_ns: int, value: float, by_ns: int = 0) -> Trip | None:
-        """Count one row of a stream as a reading that is taken at `when_ns`; then set its instant `by_ns` later.
+        """Count one row of a stream as a reading taken at `when_ns`; then shift its instant by `by_ns`.
 
-        The clock that counts the rows may go otherwise than the bench's; from row to row it is the one that counts.
+        The clock of the rows may drift against the bench's; from row to row it is the one that counts.
         """
         if self._lowest <= value <= self._highest and when_ns - self.good_ns <= self._max_age_ns:
             self._outside = 0
@@ -196,12 +196,12 @@ class Monitor:
         return trip
 
     def all_good(self, when_ns: Sequence[int], values: Sequence[float], by_ns: int) -> bool:
-        """Count a few rows as `judge_row` would one by one if each of them is good and new; else count none.
+        """Count a few rows as `judge_row` would one by one if all of them are good and new; otherwise count none.
 
         Args:
             when_ns: the instants of the rows in ns of the bench's time, in order, at least one.
-            values: the rows' numbers in the limit's unit, as many.
-            by_ns: how much later the instant of the last one is set.
+            values: the rows' values in the limit's unit, one each.
+            by_ns: by how much the instant of the last one is shifted.
         """
         lowest, highest = self._lowest, self._highest
         last_ns = when_ns[-1]
@@ -222,8 +222,8 @@ class Monitor:
 
         Args:
             when_ns: the instants of the rows in ns of the bench's time, shape (n,), in order.
-            values: the rows' numbers in the limit's unit, shape (n,).
-            by_ns: how much later the instant of the last good row is set when all are counted.
+            values: the rows' values in the limit's unit, shape (n,).
+            by_ns: by how much the instant of the last good row is shifted when all are counted.
         """
         import numpy as np  # noqa: PLC0415 - slow to import
 
@@ -247,7 +247,7 @@ class Monitor:
         return (found, trip) if trip else None
 
     def feed(self, every_s: float) -> None:
-        """Take rows in place of readings: one is due only where no good row came for longer than rows are apart."""
+        """Take rows in place of readings: a reading is due only if no good row came for longer than their interval."""
         most_ns = self._max_age_ns - self._period_ns
         self._hold_ns = min(self._period_ns + round(every_s * NANOSECONDS), most_ns)
         self.due_ns = max(self.due_ns, self.good_ns + self._hold_ns)
@@ -271,12 +271,12 @@ class Monitor:
 
 
 def all_fresh(monitors: Sequence[Monitor], when_ns: int, by_ns: int) -> bool:
-    """Note for several monitors that all rows up to this instant were good; note none where one's last is too old.
+    """Note for several monitors that all rows up to this instant were good; for none if one's last row is too old.
 
     Args:
         monitors: those that the rows feed.
         when_ns: the instant of the last row in ns of the bench's time.
-        by_ns: how much later it is set.
+        by_ns: by how much it is shifted.
     """
     for monitor in monitors:
         if when_ns - monitor.good_ns > monitor._max_age_ns:  # noqa: SLF001 - it is one of them
@@ -290,7 +290,7 @@ def all_fresh(monitors: Sequence[Monitor], when_ns: int, by_ns: int) -> bool:
 
 
 def _grid_ns(from_ns: int, period_ns: int) -> int:
-    """Return where turns are counted from: those of long periods fall together, short ones keep their phase."""
+    """Return the origin of the grid of readings: long periods share one, short ones keep their phase."""
     return from_ns - from_ns % period_ns if period_ns >= _TOGETHER_NS else from_ns
 
 

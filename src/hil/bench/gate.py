@@ -19,7 +19,7 @@ class Gate:
         detail: what was seen.
         instrument: the instrument whose identity or port it is about, empty for any other gate.
         unproven: what it leaves open although it holds, empty if nothing.
-        source: what the instrument counts as from here on, None if this gate does not say.
+        source: what the instrument counts as from now on, None if this gate does not say.
         exception: why its port counts as hardware although it is on this computer, as the bench file says; else empty.
     """
 

@@ -1,4 +1,4 @@
-"""Whether the computer at a bench is fit for it: what of the host speaks against runs on hardware, and what to type."""
+"""Host checks: what on the bench computer stands in the way of runs on hardware, and the commands that fix it."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from hil.wire.opening import PortKind, kind_of
 
 __all__ = ["CHECKS", "Check", "Computer", "examine"]
 
-_LEAST_FREE = 2_000_000_000  # bytes: recordings of a week, and the reserve of a run
+_LEAST_FREE = 2_000_000_000  # bytes: a week of recordings, and the reserve of a run
 _RTC_OFF_S = 60.0
 _SERIAL = ("ttyUSB*", "ttyACM*", "ttyAMA*", "ttyS[0-9]*")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Check:
-    """What was found of one thing.
+    """Result of one check of the host.
 
     Attributes:
-        name: the thing.
-        ok: whether it is as it should be; None where nothing needs it, or it cannot be told.
+        name: what was checked.
+        ok: whether it is as it should be; None if nothing needs it, or it cannot be determined.
         detail: what was found.
-        todo: what to type where it is not as it should be, commands joined by ` && `.
+        todo: the commands that put it right, joined by ` && `; empty if it is right.
     """
 
     name: str
@@ -40,15 +40,15 @@ class Computer:
     """The host as the checks see it; nothing else is looked at.
 
     Attributes:
-        root: where its files begin.
+        root: the root of its file system.
         user: the name of the user.
-        groups: the ids of the groups that this process has.
+        groups: the ids of this process's groups.
         now: seconds since 1970.
         reports: where runs go.
         free: how many bytes are free there.
         may_open: whether this user may read and write a file.
         used_by: names the programs that have a port open.
-        inhibitor: whether the workspace has a command of its own that holds off sleep.
+        inhibitor: whether the workspace has a command of its own that inhibits sleep.
         benches: the benches of the workspace.
     """
 
@@ -79,18 +79,18 @@ class Computer:
         return sorted(path for pattern in patterns for path in self.at("/dev").glob(pattern))
 
     def named(self, path: Path) -> str:
-        """Return the path of a file as the host has it."""
+        """Return the path of a file on the host."""
         return f"/{path.relative_to(self.root)}"
 
 
 def examine(computer: Computer) -> Iterator[Check]:
-    """Give every check of the host, in a fixed order."""
+    """Yield every check of the host, in a fixed order."""
     for check in CHECKS:
         yield from check(computer)
 
 
 def _groups(computer: Computer) -> Iterator[Check]:
-    """Look whether the user is in the groups that own serial ports and I2C buses."""
+    """Check that the user is in the groups that own serial ports and I2C buses."""
     members = {name: (int(gid), users.split(",")) for name, _, gid, users in _entries(computer.text("/etc/group"))}
     buses = any(bus.port.startswith("/dev/") for bench in computer.benches for bus in bench.buses)
     for name, needed in (
@@ -126,7 +126,7 @@ def _has_kind(computer: Computer, *kinds: PortKind) -> bool:
 
 
 def _ports(computer: Computer) -> Iterator[Check]:
-    """Look at the serial ports, buses and USB instruments that are there: may they be opened, and who has them open?"""
+    """Check the serial ports, buses and USB instruments present: may they be opened, and who has them open?"""
     found = computer.devices("ttyUSB*", "ttyACM*", "i2c-*", "usbtmc*")
     closed = [computer.named(path) for path in found if not computer.may_open(path)]
     used = [
@@ -147,7 +147,7 @@ def _ports(computer: Computer) -> Iterator[Check]:
 
 
 def _modules(computer: Computer) -> Iterator[Check]:
-    """Look for the kernel modules that a bench's ports need."""
+    """Check for the kernel modules that a bench's ports need."""
     buses = any(bus.port.startswith("/dev/i2c-") for bench in computer.benches for bus in bench.buses)
     for module, there, needed in (
         ("i2c-dev", "i2c_dev", buses),
@@ -165,7 +165,7 @@ def _modules(computer: Computer) -> Iterator[Check]:
 
 
 def _udev(computer: Computer) -> Iterator[Check]:
-    """Look for the rules of every bench that has ports on this computer, and for the names that they give."""
+    """Check for the udev rules of every bench with ports on this computer, and for the names that they create."""
     for bench in computer.benches:
         local = [item for item in bench.instruments if item.port.startswith("/dev/") or item.usb is not None]
         if not local and not any(bus.port.startswith("/dev/") for bus in bench.buses):
@@ -183,7 +183,7 @@ def _udev(computer: Computer) -> Iterator[Check]:
 
 
 def _sleep(computer: Computer) -> Iterator[Check]:
-    """Look whether a run can hold off sleep, and whether a lid or a desktop can suspend the computer in spite of it."""
+    """Check that a run can inhibit sleep, and that no lid or desktop can suspend the computer in spite of it."""
     logind = computer.at("/run/systemd/system").exists() and computer.at("/run/dbus/system_bus_socket").exists()
     if computer.inhibitor or logind:
         detail = "the workspace's own inhibitor" if computer.inhibitor else "logind holds it off while a run lasts"
@@ -218,7 +218,7 @@ def _logind(computer: Computer) -> str:
 
 
 def _clock(computer: Computer) -> Iterator[Check]:
-    """Look whether the clock is kept right by a time server, and over a power cut by a clock with a battery."""
+    """Check that a time server keeps the clock right, and a battery-backed clock keeps it through a power cut."""
     servers = {"systemd-timesyncd": "systemd/timesync/synchronized", "chrony": "chrony/chronyd.pid", "ntpd": "ntpd.pid"}
     running = next((name for name, file in servers.items() if computer.at(f"/run/{file}").exists()), "")
     yield Check(
@@ -239,7 +239,7 @@ def _clock(computer: Computer) -> Iterator[Check]:
 
 
 def _disk(computer: Computer) -> Iterator[Check]:
-    """Look whether there is space for runs."""
+    """Check that there is space for runs."""
     ok = computer.free >= _LEAST_FREE
     detail = f"{computer.free / 1e9:.1f} GB are free at {computer.reports}"
     todo = "" if ok else "free some space, or name another folder in hil.toml: reports = ..."
@@ -247,7 +247,7 @@ def _disk(computer: Computer) -> Iterator[Check]:
 
 
 def _latches(computer: Computer) -> Iterator[Check]:
-    """Look for the folder in which latched benches are noted for every user, over reboots."""
+    """Check for the folder in which latched benches are noted for every user, across reboots."""
     place = PLACES[0]
     if computer.at(str(place)).is_dir():
         yield Check(name="latches", ok=True, detail=f"{place} is there")
@@ -269,4 +269,4 @@ CHECKS: tuple[Callable[[Computer], Iterator[Check]], ...] = (
     _disk,
     _latches,
 )
-"""Every check, in the order in which they are told."""
+"""Every check, in reporting order."""

@@ -1,4 +1,4 @@
-"""What the computer at a bench needs from its administrator, as texts derived from the bench file."""
+"""Host setup: the udev, polkit, systemd and tmpfiles texts that an administrator installs, from the bench file."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def setup_text(kind: str, spec: BenchSpec, host: Host) -> str:
     """Return one of the texts of `KINDS` for a bench.
 
     Raises:
-        Refused: if something of the bench file cannot be written in it.
+        Refused: if a value of the bench file cannot be written in it.
     """
     if not _SAFE.fullmatch(host.group):
         raise Refused(f"'{host.group}' is no group", "name one such as dialout")
@@ -88,7 +88,7 @@ def _buses_and_uarts(spec: BenchSpec, host: Host) -> Iterator[str]:
 
 
 def _usb_of(item: InstrumentSpec) -> UsbPort | None:
-    """Return which USB device an instrument's port is, None where it is none."""
+    """Return the USB device behind an instrument's port, None if there is none."""
     if named := _VISA_USB.match(item.port):
         return UsbPort(serial=named["serial"])
     return item.usb
@@ -121,14 +121,14 @@ def _given(spec: BenchSpec, item: InstrumentSpec, host: Host) -> str:
 
 
 def _text(value: str) -> str:
-    """Return a text for a rule, which has no way to write every character."""
+    """Return a text for a rule, in which some characters cannot be written."""
     if not _SAFE.fullmatch(value):
         raise Refused(f"'{value}' cannot stand in a udev rule", "tell the device by another property")
     return value
 
 
 def _polkit(spec: BenchSpec, host: Host) -> Iterator[str]:
-    """Yield a rule by which the group may hold off sleep and shutdown, also who is not at the machine."""
+    """Yield a rule that lets the group inhibit sleep and shutdown, also from remote sessions."""
     file = "/etc/polkit-1/rules.d/50-hil.rules"
     yield f"// {file}: a run on hardware holds off sleep and shutdown, or it does not arm."
     yield f"// hil bench setup {spec.name} --print polkit | sudo tee {file}"
@@ -142,7 +142,7 @@ def _polkit(spec: BenchSpec, host: Host) -> Iterator[str]:
 
 
 def _systemd(spec: BenchSpec, host: Host) -> Iterator[str]:
-    """Yield a unit of the user's own manager, which goes on after a logout where the user lingers."""
+    """Yield a user unit, which keeps running after logout if the user lingers."""
     longest_s = sum(step.within_s for step in spec.safe_off) + max(
         (each.seconds for each in spec.watch_after), default=0
     )
@@ -169,7 +169,7 @@ def _systemd(spec: BenchSpec, host: Host) -> Iterator[str]:
 
 
 def _unit_text(path: Path) -> str:
-    """Return a path for a unit, in which a percent sign stands for something else, and a backslash begins an escape."""
+    """Return a path escaped for a unit, in which `%` begins a specifier and a backslash an escape."""
     text = str(path)
     if not text.isprintable() or set(text) & set('"\\$'):
         raise Refused(f"'{text}' cannot stand in a unit of systemd", "move the workspace, or its environment")
@@ -193,4 +193,4 @@ KINDS: dict[str, Callable[[BenchSpec, Host], Iterator[str]]] = {
     "systemd": _systemd,
     "tmpfiles": _tmpfiles,
 }
-"""What can be printed."""
+"""The texts that can be printed."""

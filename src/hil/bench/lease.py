@@ -1,4 +1,4 @@
-"""Leases and latches: one executive per instrument, host-wide, and none if a bench was left by force."""
+"""Leases and latches: one executive per instrument, host-wide, and none on a latched bench."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ _MOST_BYTES = 4096
 class Lease:
     """Holds instruments for one run, until released or until its process ends, however that happens.
 
-    The kernel keeps what is held, so nobody can take it away, no file's age matters, and a dead process blocks nobody.
-    A file beside says who holds it and since when; without it, what the kernel knows is told.
+    The kernel keeps the lease, so nobody can take it away, no file's age matters, and a dead process blocks nobody.
+    A note names the holder and the time; without one, what the kernel knows is reported.
 
     Args:
         keys: what is held, such as the port of an instrument or the folder of a simulated bench.
@@ -64,7 +64,7 @@ class Lease:
 
     @property
     def descriptors(self) -> list[int]:
-        """What is held; it is held as long as any process has its descriptor open."""
+        """Descriptors of the leases; each is held as long as any process has its descriptor open."""
         return list(self._held)
 
     def name(self, run: str) -> None:
@@ -78,7 +78,7 @@ class Lease:
         """Release everything; releasing twice is harmless."""
         while self._held:
             os.close(self._held.pop())
-        for key in self._keys:  # a guardian that is still at work keeps what it holds, and what is told of it
+        for key in self._keys:  # a guardian that is still at work keeps its leases, and their notes
             holder = holder_of(_name(key, self._folder))
             path = _note_of(key, self._folder)
             if path in self._notes and (holder is None or holder.pid != os.getpid()):
@@ -96,7 +96,7 @@ class Lease:
             raise Refused(f"the lease of {key} cannot be taken: {error.strerror}", hint) from error
 
     def _publish(self) -> None:
-        """Write down who holds what, readable for every user; it is told to people, and nothing depends on it."""
+        """Write the notes of who holds what, readable for every user; they inform people, nothing depends on them."""
         with suppress(OSError):
             _share(self._folder)
         for key in self._keys:
@@ -107,7 +107,7 @@ class Lease:
 
 
 def holds_a_lease(run: str, folder: Path | None = None) -> bool:
-    """Return whether any process still holds what a run, given by its name, had leased: its own, or its guardian."""
+    """Return whether any process, the run's own or its guardian, still holds a lease of a run given by its name."""
     place = folder or _FOLDER
     name = _name_of_run(run, place)
     if name in names_held(name) or holder_of(name) is not None:
@@ -116,12 +116,12 @@ def holds_a_lease(run: str, folder: Path | None = None) -> bool:
 
 
 def keepers_of_run(run: str, folder: Path | None = None) -> str:
-    """Return the processes that still hold what a run, given by its name, had leased, in words for a message."""
+    """Return the processes that still hold a lease of a run given by its name, in words for a message."""
     return _named(_name_of_run(run, folder or _FOLDER))
 
 
 def _named(name: str) -> str:
-    """Say which processes have a name open, and how one that somebody stopped goes on; nothing if none is seen."""
+    """Return which processes have a name open, and how to continue a stopped one; empty if none is seen."""
     told = [
         f"{pid}, stopped: 'kill -CONT {pid}' lets it go on" if stopped else str(pid)
         for pid, stopped in keepers_of(name).items()
@@ -138,12 +138,12 @@ def _name_of_run(run: str, folder: Path) -> str:
 
 
 def _note_of(key: str, folder: Path, uid: int | None = None) -> Path:
-    """Return where a user notes what it holds: nobody else can write there."""
+    """Return the path of a user's note about a lease, where nobody else can write."""
     return folder / f"{short(key)}-{os.geteuid() if uid is None else uid}.note"
 
 
 def _share(folder: Path) -> None:
-    """Make the folder so that every user can write notes in it, whatever this one's umask is."""
+    """Create the folder so that every user can write notes in it, whatever this one's umask is."""
     try:
         folder.mkdir(parents=True)
     except FileExistsError:
@@ -162,7 +162,7 @@ def _held(key: str, folder: Path) -> Refused:
 
 
 def _read_note(path: Path, holder: Holder) -> Mapping[str, object]:
-    """Return what the holder noted; what somebody else wrote, or an earlier process, is not told."""
+    """Return the holder's note; one by another user or an earlier process is ignored."""
     try:
         file = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK)
         try:
@@ -175,7 +175,7 @@ def _read_note(path: Path, holder: Holder) -> Mapping[str, object]:
 
 
 def _remove_note(path: Path) -> None:
-    """Remove what this process noted, and not what the next holder did, who writes as soon as it has the lease."""
+    """Remove this process's note, and not that of the next holder, which writes as soon as it has the lease."""
     with suppress(OSError, ValueError, LookupError, TypeError):
         if json.loads(path.read_bytes())["pid"] == os.getpid():
             path.unlink()
@@ -197,7 +197,7 @@ def _refusal(key: str, note: Mapping[str, object], process: str = "", *, ended: 
 
 
 def _require_not_locked(key: str, folder: Path) -> None:
-    """Require that no run of an earlier version holds a key: those lock a file each."""
+    """Require that no run of an earlier version holds a key: those lock one file per key."""
     path = folder / f"{short(key)}.lease"
     if _is_locked(path):
         try:
@@ -226,7 +226,7 @@ def _is_locked(path: Path, run: str = "") -> bool:
 
 
 def refuse_latched(leases: Sequence[str], folder: Path | None = None) -> None:
-    """Refuse to drive what is latched; asked while the leases are held, so that no guardian is about to latch it.
+    """Refuse to drive what is latched; call it with the leases held, so that no guardian is about to latch it.
 
     Args:
         leases: what the run or visit holds alone.
@@ -266,9 +266,9 @@ def latch_bench(leases: Sequence[str], latch: Latch, folder: Path | None = None,
 
 
 def keep_latched(leases: Sequence[str], latch: Latch, folder: Path | None = None, *, alone: bool = False) -> None:
-    """Renew the latches of an armed bench, and write those again that somebody has removed; see `latch_bench`.
+    """Renew the latches of an armed bench, and restore those that were removed; see `latch_bench`.
 
-    A program that removes what nobody has used for some weeks finds them fresh.
+    A program that cleans up files unused for some weeks then finds them fresh.
     """
     for lease in sorted(set(leases)):
         path = path_of(lease, folder)
@@ -281,7 +281,7 @@ def keep_latched(leases: Sequence[str], latch: Latch, folder: Path | None = None
 def latch_unsafe_end(
     leases: Sequence[str], *, bench: str, run: Path, why: str, folder: Path | None = None, alone: bool = False
 ) -> None:
-    """Latch what a run held that could not prove its bench safe; a latch that its guardian wrote stays as it is.
+    """Latch the leases of a run that could not prove its bench safe; a latch by its guardian stays as it is.
 
     Args:
         leases: what the run holds alone.
@@ -300,7 +300,7 @@ def latch_unsafe_end(
 
 
 def latches_of(run: str, folder: Path | None = None) -> dict[Path, Latch]:
-    """Return the latches that a run, given by its path or name, has left, by their files."""
+    """Return the latches left by a run given by its path or name, by their files."""
     found = ((path, read(path)) for path in latch_files(None, folder))
     return {path: latch for path, latch in found if latch and latch.run and Path(latch.run).name == Path(run).name}
 
@@ -309,7 +309,7 @@ def require_clearable(latches: Mapping[Path, Latch]) -> None:
     """Require that this user may remove latches, before anything is written down.
 
     Raises:
-        Refused: with whom to ask.
+        Refused: with the user to ask.
     """
     for path, latch in latches.items():
         if not may_clear(path):
@@ -321,10 +321,10 @@ def require_clearable(latches: Mapping[Path, Latch]) -> None:
 
 
 def clear_latches_of(run: str, folder: Path | None = None) -> tuple[Latch, ...]:
-    """Remove every latch that a run has left, and return them.
+    """Remove every latch left by a run, and return them.
 
     Raises:
-        Refused: if one cannot be removed, which is then still there.
+        Refused: if one cannot be removed; it is then still there.
     """
     found = latches_of(run, folder)
     for path in found:
@@ -338,7 +338,7 @@ def ack_line(run: str) -> str:
 
 
 def _of_user(path: Path) -> str:
-    """Return whose latch it is, where it is somebody else's."""
+    """Return the owner of a latch, if that is another user."""
     with suppress(OSError):
         uid = path.lstat().st_uid
         return "" if uid == os.geteuid() else f" of user {user_name(uid)}"

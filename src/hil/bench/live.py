@@ -35,14 +35,14 @@ __all__ = ["Opened", "Reach", "bind_live", "bind_live_again", "reach_of_hardware
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reach:
-    """Where a bench outside this process is.
+    """How a bench outside this process is reached.
 
     Attributes:
         source: how its evidence counts.
-        ports: by instrument, a path or URL.
-        buses: by name of the host's own I2C buses, their device.
+        ports: path or URL, by instrument.
+        buses: device of each of the host's own I2C buses, by name.
         served: the folder in which it is served, None for hardware.
-        speed: seconds of the bench in one second; 1 for hardware.
+        speed: bench seconds per second of real time; 1 for hardware.
     """
 
     source: Source
@@ -53,7 +53,7 @@ class Reach:
 
     @property
     def leases(self) -> list[str]:
-        """What only one run may hold at a time: the keys of all instruments, however a file names them."""
+        """The keys that only one run may hold at a time: those of all instruments, however a file names them."""
         if self.served is not None:
             return list(keys_of_served(self.served))
         ends = [*self.ports.values(), *self.buses.values()]
@@ -87,12 +87,12 @@ def reach_of_served(spec: BenchSpec, folder: Path) -> Reach:
 
 
 class Opened:
-    """Every port of a bench outside this process, open; nothing is sent.
+    """The open ports of a bench outside this process; nothing is sent.
 
     Args:
         spec: the bench file.
         reach: where it is.
-        by_force: opens what it can, also beside another process; the others' instruments do not answer.
+        by_force: opens what it can, even beside another process; instruments at the other ports do not answer.
 
     Raises:
         WrongPort: if a serial port is not that of the board that the bench file names.
@@ -104,12 +104,12 @@ class Opened:
         self._ends: dict[str, Any] = _open(spec, reach, self.brake, by_force=by_force)
 
     def take(self) -> dict[str, Any]:
-        """Return the ports, which whoever takes them closes."""
+        """Return the ports; the caller closes them."""
         ends, self._ends = self._ends, {}
         return ends
 
     def close(self) -> None:
-        """Close what nobody has taken."""
+        """Close the ports that were not taken."""
         _close(self.take())
 
 
@@ -123,7 +123,7 @@ def bind_live(
         reach: where it is.
         epoch: UTC of the bench's time zero, ISO 8601.
         transcript: where every operation is noted.
-        opened: its ports; opened here where they are not given.
+        opened: its ports; opened here if not given.
 
     Raises:
         WrongPort, NoReply: see `Opened`.
@@ -148,7 +148,7 @@ def bind_live(
 def bind_live_again(
     spec: BenchSpec, reach: Reach, epoch: str, transcript: Transcript, record: Path, where: Callable[[], str]
 ) -> BoundBench:
-    """Build a bench on the record of a run so far; from `go_on` on it is the bench outside this process.
+    """Build a bench on the record of a run so far; after `go_on` it is the bench outside this process.
 
     Args:
         spec: the bench file.
@@ -178,7 +178,7 @@ def bind_live_again(
             bus = spec.instrument(name).bus
             end.hand_to(opened[bus or name])
         for name in reach.ports:
-            with suppress(OSError):  # one that is gone by now is found out when the bench is armed
+            with suppress(OSError):  # arming detects a port that is gone by now
                 opened[name].discard()  # what came while the record was retraced
         bench.descriptors, bench.where = _descriptors(opened, reach), reach.ports
         bench.playback = None
@@ -207,7 +207,7 @@ def _open(spec: BenchSpec, reach: Reach, brake: Brake, *, by_force: bool = False
     try:
         for name, url in reach.ports.items():
             item = spec.instrument(name)
-            line = item.serial_line if reach.source is Source.HARDWARE else None  # a pseudo-terminal has no such thing
+            line = item.serial_line if reach.source is Source.HARDWARE else None  # a pseudo-terminal has none
             opened = end(name, partial(_stream, item, url, reach.source, line, alone=not by_force))
             ends[name] = opened if isinstance(opened, Unreachable) else Braked(opened, brake)
         for name, path in reach.buses.items():
@@ -236,7 +236,7 @@ def require_boards(spec: BenchSpec, reach: Reach) -> None:
     """Require the board of the bench file at every serial port of hardware, and every I2C bus; no byte is sent.
 
     Raises:
-        WrongPort: with every port that is not there, or is that of another board, and every bus that cannot be opened.
+        WrongPort: with every port that is missing or belongs to another board, and every bus that cannot be opened.
     """
     if reach.source is not Source.HARDWARE:
         return
@@ -258,7 +258,7 @@ def _closed_buses(reach: Reach) -> Iterator[Gate]:
 
 
 def _strangers(spec: BenchSpec) -> dict[str, WrongPort]:
-    """Return what keeps a serial port closed, by instrument: on another board the first byte may start something."""
+    """Return why a serial port stays closed, by instrument: on another board the first byte may start something."""
     devices = [instrument.name for instrument in spec.instruments if is_serial_device(instrument)]
     gates = zip(devices, port_gates(spec), strict=True)
     return {name: WrongPort(gate) for name, gate in gates if not gate.ok}

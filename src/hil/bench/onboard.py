@@ -1,4 +1,4 @@
-"""Which of this computer's own UARTs a serial port is, by what sysfs says: on board, or on a card for RS-232."""
+"""Identity of this computer's own UARTs, on board or on an RS-232 card, as sysfs describes them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Uart:
     Attributes:
         terminal: its name below /dev.
         devices: the hardware that it belongs to, nearest first: names of folders in sysfs.
-        driver: the kernel's driver of it.
+        driver: its kernel driver.
         at: its first address, `0x3f8` or `0xfe201000`; empty where sysfs does not say it.
     """
 
@@ -33,7 +33,7 @@ class Uart:
 
     @property
     def written(self) -> str:
-        """How a bench file says that it is this one."""
+        """The entry by which a bench file names this UART."""
         told = [f'device: "{self.devices[0]}"', *([f"driver: {self.driver}"] if self.driver else [])]
         return f"onboard: {{{', '.join(told)}}}"
 
@@ -59,14 +59,14 @@ def uart_at(device: str, terminals: Path = _TERMINALS) -> Uart | None:
 def difference(expected: OnboardPort, found: Uart, terminals: Path = _TERMINALS) -> str:
     """Return how a UART differs from the one that it must be, nothing if it does not."""
     if expected.device not in found.devices:
-        return f"{_spoken(found)}, expected '{expected.device}'"
+        return f"{_named(found)}, expected '{expected.device}'"
     if expected.driver and expected.driver != found.driver:
-        return f"{_spoken(found)}, expected driver '{expected.driver}'"
+        return f"{_named(found)}, expected driver '{expected.driver}'"
     if expected.at and int(expected.at, 16) != int(found.at or "0", 16):
-        return f"{_spoken(found)} at {found.at or 'an address that sysfs does not tell'}, expected at {expected.at}"
+        return f"{_named(found)} at {found.at or 'an address that sysfs does not tell'}, expected at {expected.at}"
     if not expected.at and (others := _others(expected, found, terminals)):
         return (
-            f"{_spoken(found)}, and so is {' and '.join(others)}: tell it apart by 'onboard: {{…, at: \"{found.at}\"}}'"
+            f"{_named(found)}, and so is {' and '.join(others)}: tell it apart by 'onboard: {{…, at: \"{found.at}\"}}'"
         )
     return ""
 
@@ -87,7 +87,7 @@ def _above(port: Path) -> list[Path]:
     return folders
 
 
-def _spoken(uart: Uart) -> str:
+def _named(uart: Uart) -> str:
     return f"{uart.terminal} is {uart.devices[0]}{f', driver {uart.driver}' if uart.driver else ''}"
 
 

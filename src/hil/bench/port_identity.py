@@ -1,4 +1,4 @@
-"""Who is at a port: of a device, what the operating system says before it is opened; on a network, who answers."""
+"""Port identity: of a device, what the operating system reports before it is opened; on a network, who answers."""
 
 from __future__ import annotations
 
@@ -35,10 +35,10 @@ _BY_PATH = "/dev/serial/by-path"
 
 
 class WrongPort(Refused):
-    """Serial ports are gone, or are those of other boards than the bench file names; they are not opened.
+    """Serial ports are missing, or belong to boards other than the bench file's; they are not opened.
 
     Args:
-        gates: what does not hold.
+        gates: the gates that do not hold.
     """
 
     def __init__(self, *gates: Gate) -> None:
@@ -78,7 +78,7 @@ def port_gates(
     listing: Callable[[], Iterable[ListedPort]] = listed_ports,
     real_path: Callable[[str], str] = os.path.realpath,
 ) -> Iterator[Gate]:
-    """Yield a gate for every serial device of a bench, which is not served: pseudo-terminals have no such identity."""
+    """Yield a gate for every serial device of a bench that is not served: pseudo-terminals have no such identity."""
     ports = list(listing())
     for instrument in spec.instruments:
         if is_serial_device(instrument):
@@ -94,7 +94,7 @@ def check_port(
 
     Args:
         instrument: at a serial device.
-        ports: what the operating system lists, asked here where it is not given.
+        ports: the ports that the operating system lists; listed here if not given.
         real_path: follows the links of a path, such as those of /dev/serial/by-id.
     """
     name = f"port of {instrument.name}"
@@ -114,10 +114,10 @@ def check_port(
         return Gate(name, ok=False, detail=f"{instrument.port} is not there{_instead(instrument.usb, ports)}")
     if instrument.usb is None:
         own = f"serial: {found.serial_number}" if found.serial_number else f"path: its name in {_BY_PATH}"
-        detail = f"{device} is {_spoken(found)}; write 'usb: {{{own}}}' so that it is never taken for another"
+        detail = f"{device} is {_described(found)}; write 'usb: {{{own}}}' so that it is never taken for another"
         return Gate(name, ok=False, detail=detail)
     problem = _difference(instrument.usb, found, ports, real_path)
-    return Gate(name, ok=not problem, detail=problem or f"{device} is {_spoken(found)}")
+    return Gate(name, ok=not problem, detail=problem or f"{device} is {_described(found)}")
 
 
 def _onboard_gate(name: str, port: str, device: str, expected: OnboardPort, found: Uart | None) -> Gate:
@@ -135,9 +135,9 @@ def _difference(usb: UsbPort, found: ListedPort, ports: Iterable[ListedPort], re
         if expected == real_path(found.device):
             return ""
         there = expected if any(real_path(port.device) == expected for port in ports) else "nothing"
-        return f"{found.device} is {_spoken(found)}, and at '{usb.path}' is {there}: was it plugged in elsewhere?"
+        return f"{found.device} is {_described(found)}, and at '{usb.path}' is {there}: was it plugged in elsewhere?"
     if found.serial_number != usb.serial:
-        return f"{found.device} is {_spoken(found)}, expected serial '{usb.serial}'{_elsewhere(usb, ports)}"
+        return f"{found.device} is {_described(found)}, expected serial '{usb.serial}'{_elsewhere(usb, ports)}"
     places = sorted({_plug(port) for port in ports if port.serial_number == usb.serial})
     if len(places) > 1:
         return (
@@ -153,8 +153,8 @@ def _elsewhere(usb: UsbPort | None, ports: Iterable[ListedPort]) -> str:
 
 
 def _instead(usb: UsbPort | None, ports: Sequence[ListedPort]) -> str:
-    """Return what is there in place of a port: the device that it must be, or else whatever is."""
-    there = [f"{port.device}: {_spoken(port)}" for port in ports if port.serial_number]
+    """Return what is present instead of a missing port: the expected device elsewhere, or else any others."""
+    there = [f"{port.device}: {_described(port)}" for port in ports if port.serial_number]
     return _elsewhere(usb, ports) or (f"; there is {'; '.join(there)}" if there else "")
 
 
@@ -163,15 +163,15 @@ def _plug(port: ListedPort) -> str:
     return (port.location or port.device).partition(":")[0]
 
 
-def _spoken(port: ListedPort) -> str:
+def _described(port: ListedPort) -> str:
     return f"{port.product or 'no USB device'}, {f'serial {port.serial_number}' if port.serial_number else 'no serial'}"
 
 
 def source_gates(spec: BenchSpec, keys: Callable[[str], Iterable[str]] = keys_of) -> Iterator[Gate]:
-    """Yield a gate for every instrument of a bench that is called hardware: where its bytes come from, and what it is.
+    """Yield a gate for every instrument of a bench declared as hardware: where its bytes come from, and what it is.
 
-    A port that a served bench has, of this host or another name of it, is simulated whatever the bench file says. A
-    port of this computer's own network may be anybody's: it is hardware only where the bench file says why.
+    A port of a served bench, by whatever name of this host, is simulated whatever the bench file says. A port on
+    this computer's own network may belong to any program: it is hardware only if the bench file says why.
     """
     for instrument in spec.instruments:
         port, reason = _way_to(spec, instrument)
@@ -191,7 +191,7 @@ def source_gates(spec: BenchSpec, keys: Callable[[str], Iterable[str]] = keys_of
 
 
 def _unseen(instrument: InstrumentSpec) -> tuple[str, str]:
-    """Return what it leaves open that nobody saw the bytes, or why the bench file accepts that."""
+    """Return what stays unproven because the bytes were not seen, or why the bench file accepts that."""
     if not is_wrapped(instrument):
         return "", ""
     fact = "its bytes were not seen, only the calls of its vendor's driver"
@@ -201,7 +201,7 @@ def _unseen(instrument: InstrumentSpec) -> tuple[str, str]:
 
 
 def _way_to(spec: BenchSpec, instrument: InstrumentSpec) -> tuple[str, str]:
-    """Return the port that carries an instrument's bytes, and why that stands for hardware, if the file says so."""
+    """Return the port that carries an instrument's bytes, and why it counts as hardware, if the file says so."""
     found = instrument
     while server := server_of(spec, found):
         found = server
@@ -210,9 +210,9 @@ def _way_to(spec: BenchSpec, instrument: InstrumentSpec) -> tuple[str, str]:
 
 
 def strangers_on_network(bench: BoundBench) -> dict[str, str]:
-    """Return, by instrument, what else answers at its port on a network; nothing is driven, and silence is no stranger.
+    """Return, by instrument, any other one that answers at its network port; nothing is driven, silence is ignored.
 
-    A serial device is compared with its USB identity before it is opened; an address on a network may be anyone's.
+    A serial device is compared with its USB identity before it is opened; an address on a network may be anything.
     """
     found: dict[str, str] = {}
     for instrument in bench.spec.instruments:
@@ -223,9 +223,9 @@ def strangers_on_network(bench: BoundBench) -> dict[str, str]:
 
 
 def difference_of(expected: Identity, found: Identity) -> str:
-    """Return in what an instrument is another than the bench file expects, nothing if it is the one.
+    """Return how an instrument differs from the one that the bench file expects, empty if it does not.
 
-    A simulated one stands for it if it says the same apart from its mark, which some have in place of the firmware.
+    A simulated one passes if it reports the same apart from its mark, which some have in place of the firmware.
     """
     for what in ("manufacturer", "model", "serial", "firmware"):
         wanted, got = getattr(expected, what), getattr(found.unmarked, what)

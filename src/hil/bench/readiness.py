@@ -1,4 +1,4 @@
-"""Readiness: what arming checks and tries before anybody relies on the bench."""
+"""Readiness: what arming checks and tries before a run relies on the bench."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ _SETTLE_S = 0.2
 _VOLTAGE_TOLERANCE = 0.05
 _LEAST_SHARE = 0.05
 _LEAST_CELL_V = 0.5
-"""Below, a cell is reversed (a tester that cannot measure below zero reads zero), or there is none."""
+"""Below this, a cell is reversed (a tester that cannot measure below zero reads zero), or there is none."""
 
 _DEFECTS = (ArithmeticError, AttributeError, LookupError, NameError, RuntimeError, TypeError, ValueError, struct.error)
-_TOLD = (HilError, *_DEFECTS)
-"""What keeps a gate from holding: the bench, and what a driver of another package does wrong; no full disk does."""
+_GATE_FAILURES = (HilError, *_DEFECTS)
+"""Errors that fail a gate: those of the bench, and defects of a third-party driver; a full disk is not one."""
 
 
 def unpowered_gates(bench: BoundBench, dut: Dut | None = None) -> Iterator[Gate]:
-    """Look without driving anything: identities, outputs found on, and which way round a battery is.
+    """Check without driving anything: identities, outputs found on, and battery polarity.
 
     Instruments that the bench itself feeds are identified later, under power.
     """
@@ -59,7 +59,7 @@ def unpowered_gates(bench: BoundBench, dut: Dut | None = None) -> Iterator[Gate]
 def energised_gates(bench: BoundBench, dut: Dut | None) -> Iterator[Gate]:
     """Make the bench safe, then try one output at a time at its reduced level, then the envelope.
 
-    Whatever is tried is off again, and proven to be, when its gates are given. Nothing is tried on a bench
+    Whatever is tried is off again, and proven to be, when its gates are yielded. Nothing is tried on a bench
     that cannot be made safe, and nothing more once an output stayed on.
     """
     taken: list[SafeResult] = []
@@ -93,7 +93,7 @@ def energised_gates(bench: BoundBench, dut: Dut | None) -> Iterator[Gate]:
 
 
 def _too_slow(lines: Sequence[SafeStep], taken: Sequence[SafeResult]) -> Iterator[str]:
-    """Say which lines have less time than they took just now: at the end of a run that would be an unsafe bench."""
+    """Yield the lines whose time limit is shorter than they just took: after a run, that would be an unsafe bench."""
     for number, (line, result) in enumerate(zip(lines, taken, strict=True), 1):
         if result.late:
             needs = f"line {number} of safe_off needs at least {result.seconds:.3g} s with the replies of this bench"
@@ -105,7 +105,7 @@ def _identity(bench: BoundBench, instrument: InstrumentSpec, dut: Dut | None) ->
     try:
         found = bench.drivers[instrument.name].identify()
         difference = difference_of(instrument.identity, found) or _other_serial(instrument, found)
-    except _TOLD as error:
+    except _GATE_FAILURES as error:
         return Gate(name, ok=False, detail=_said(error))
     if difference:
         return Gate(name, ok=False, detail=difference)
@@ -123,7 +123,7 @@ def _identity(bench: BoundBench, instrument: InstrumentSpec, dut: Dut | None) ->
 
 
 def _who(instrument: InstrumentSpec, found: Identity) -> str:
-    """Return who an instrument says that it is; one that cannot say it is known by its own USB device."""
+    """Return the identity that an instrument reports; one that cannot is known by its own USB device."""
     own = _own_device(instrument)
     return f"whatever is at the USB device {own}" if own and _says_nothing(found) else str(found)
 
@@ -138,10 +138,10 @@ def _says_nothing(found: Identity) -> bool:
 
 
 def _left_open(instrument: InstrumentSpec, found: Identity) -> str:
-    """Return why it is not proven that this is the instrument whose certificate the bench has, nothing if it is.
+    """Return why it is not proven that this is the instrument whose certificate the bench has, empty if it is.
 
-    An instrument that cannot say who it is, is taken at the word of a bench file that names its USB device by serial
-    number: the gate of its port compares that.
+    For an instrument that cannot identify itself, a bench file that names its USB device by serial number is enough:
+    the gate of its port compares that.
     """
     expected, said = instrument.identity, found.unmarked
     if _own_device(instrument) and _says_nothing(found):
@@ -157,7 +157,7 @@ def _left_open(instrument: InstrumentSpec, found: Identity) -> str:
 
 
 def _other_serial(instrument: InstrumentSpec, found: Identity) -> str:
-    """Return whether an instrument that tells its serial number is another than the register's, in a sentence."""
+    """Return a sentence if the serial number that an instrument reports is not the register's."""
     registered = instrument.calibration.registered if instrument.calibration else None
     if registered is None or found.simulated or found.serial in {"", registered.serial}:
         return ""
@@ -169,7 +169,7 @@ def _said(error: Exception) -> str:
 
 
 def _watchdog(bench: BoundBench, path: CutPath) -> Gate:
-    """Compare what the bench file counts on with what the wire's settings make of the instrument."""
+    """Compare the watchdog that the bench file counts on with the one that the wire's settings configure."""
     name, role = f"watchdog of {path.watchdog} for {path.output}", bench.roles[path.watchdog]
     seconds = role.watchdog_s if isinstance(role, Watched) else 0.0
     if not seconds:
@@ -182,7 +182,7 @@ def _watchdog(bench: BoundBench, path: CutPath) -> Gate:
 
 
 def _alone(kept: Mapping[str, CutPath | None]) -> str:
-    """Say what opens which output where nothing of the host is left, and what stays on."""
+    """Return what opens which output if the host is gone, and what stays on."""
     told = [f"{output} off within {path.within_s:g} s ({path.means})" for output, path in kept.items() if path]
     left = [output for output, path in kept.items() if path is None]
     return "; ".join([*told, *([f"STAYS ON until somebody comes: {', '.join(left)}"] if left else [])])
@@ -205,7 +205,7 @@ def _polarity(bench: BoundBench, wire: Wire) -> Gate:
 
 
 def _found_on(bench: BoundBench) -> Iterator[Gate]:
-    """An output found on is somebody else's state: it is reported and made safe, never taken over."""
+    """Report outputs found on: somebody else left them so; they are made safe, never taken over."""
     made_safe = [bench.spec.wire(step.output) for step in bench.spec.safe_off]
     safe_places = {
         (wire.instrument, place) for wire in made_safe for place in (wire.contacts.values() or (wire.channel,))
@@ -215,7 +215,7 @@ def _found_on(bench: BoundBench) -> Iterator[Gate]:
             continue
         try:
             on = [outlet.channel for outlet in driver.outlets() if outlet.on]
-        except _TOLD as error:
+        except _GATE_FAILURES as error:
             yield Gate(f"outputs of {name}", ok=False, detail=_said(error))
             continue
         stray = [channel for channel in on if (name, channel) not in safe_places and (name, 0) not in safe_places]
@@ -232,7 +232,7 @@ def _listed(channels: Sequence[int]) -> str:
 
 
 def _reduced_level(bench: BoundBench, wire: Wire, level: ReducedLevel, dut: Dut | None) -> tuple[list[Gate], str]:
-    """Try one output in every position; return its gates, and why it is not off again, if it is not."""
+    """Try one output in every position; return its gates, and why it is not off again, empty if it is."""
     gates: list[Gate] = []
     for position in level.positions or (None,):
         tried, stayed = _position(bench, wire, level, position, dut)
@@ -247,7 +247,7 @@ def _position(
 ) -> tuple[list[Gate], str]:
     """Try one output in one position; relays move before it is on, and are released after it is off."""
     supply = cast("Supply", bench.roles[wire.name])
-    name = f"reduced level of {wire.name}{_spoken(position)}"
+    name = f"reduced level of {wire.name}{_described(position)}"
     gates: list[Gate] = []
     try:
         if position:
@@ -258,7 +258,7 @@ def _position(
         gates.append(_level_gate(name, supply, level, conducts=position is None or position.conducts))
         fed = [instrument for instrument in bench.spec.instruments if instrument.powered_by == wire.name]
         gates += [_identity(bench, instrument, dut) for instrument in fed]
-    except _TOLD as error:
+    except _GATE_FAILURES as error:
         gates.append(Gate(name, ok=False, detail=_said(error)))
     finally:
         moved = {wire.name, position.relays} if position else {wire.name}
@@ -272,7 +272,7 @@ def _move(relays: Relays, position: Position) -> None:
         relays.close(contact)
 
 
-def _spoken(position: Position | None) -> str:
+def _described(position: Position | None) -> str:
     if position is None:
         return ""
     return f", {position.relays} {' and '.join(position.closed)} closed" if position.closed else ", relays released"

@@ -1,4 +1,4 @@
-"""Bring outputs to their safe state, in order, prove it, and watch that what was switched off behaves so."""
+"""Safe-off: bring outputs to their safe state, in order, prove it, and watch them afterwards."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _ATTEMPTS = 3
 
 @dataclass(frozen=True, slots=True)
 class SafeResult:
-    """The outcome of one line of the safe-off; `seconds` of bench time, `late` if it was proven after its time."""
+    """Result of one line of the safe-off; `seconds` of bench time, `late` if it was proven after its time limit."""
 
     output: str
     state: str
@@ -44,18 +44,18 @@ def make_safe(
 ) -> bool:
     """Execute every line in order, whatever the outcome of the one before; return whether all are proven.
 
-    A line is tried up to three times within its time limit, a third of which each try has for its
+    A line is tried up to three times within its time limit; each try has a third of that for its
     proof. An output that cannot be reached is a result, not an error, because the lines after it matter
-    as much; what `tell` raises, such as for a full disk, waits until the last line was taken.
+    as much; what `tell` raises, such as for a full disk, is deferred until the last line was executed.
 
     Args:
         steps: the lines of the bench file.
         roles: the role instances by their dotted names.
         clock: the bench's clock.
         tell: called with every result as soon as it is known.
-        hear: called with every fault of a device, also of one that answers at the next try.
-        speed: seconds of the bench in one of the wall. What this computer takes counts so many times on a bench that is
-            served faster than time, so that its limits are those of the wall.
+        hear: called with every fault of a device, even if it answers at the next try.
+        speed: bench seconds per second of real time. On a bench served faster than real time, the computer's own
+            delays count that much more, so time limits are scaled to real time.
     """
     safe = True
     trouble: Exception | None = None
@@ -79,14 +79,14 @@ def left_on(
     *,
     forgive_late: bool = False,
 ) -> list[str]:
-    """Execute lines, whoever asked to stop, and return a sentence for every output that is not as its line says.
+    """Execute lines despite any request to stop; return a sentence for every output that is not as its line says.
 
     Args:
         steps: lines of the bench file.
         bench: the bench.
         tell: called with every result as soon as it is known.
         hear: see `make_safe`.
-        forgive_late: whether an output that was proven after its time counts as it is, and not as it was.
+        forgive_late: whether an output that was proven after its time limit counts as safe.
     """
     wrong: list[str] = []
 
@@ -154,16 +154,16 @@ def _proven(proof: Proof, roles: Mapping[str, object], clock: Clock, deadline_ns
 
 
 EVERY_S = 5.0
-"""How far its readings are apart; a few more seconds where an instrument is slow to answer."""
+"""Sampling period of the watch; a few seconds longer if an instrument is slow to answer."""
 
 WATCHED = "watched"
 """What a result shows in place of the state of a line of the safe-off."""
 
 _CLOSER = 0.9
-"""A quantity that goes toward a value has at most this part of its longest distance left at the end."""
+"""A quantity that approaches a value has at most this fraction of its largest distance left at the end."""
 
 Reading = Callable[[WatchAfter, float, float], None]
-"""Takes what was read: of which line, at which bench time [s], and the value, NaN where there was none."""
+"""Takes a reading: its line, the bench time [s], and the value, NaN if there was none."""
 
 
 def watch_after(
@@ -175,7 +175,7 @@ def watch_after(
 ) -> bool:
     """Watch every line for its time, all of them at once, and return whether they hold.
 
-    A line holds that stays between its bounds, or that reaches, or approaches, the value to which it goes by itself.
+    A line holds if it stays within its bounds, or reaches or approaches the value at which it settles by itself.
     An output that cannot be read at the end was not seen to be safe.
 
     Args:
@@ -203,7 +203,7 @@ def watch_after(
 
 
 class _Line:
-    """One line with what was read so far."""
+    """One watched line with its readings so far."""
 
     def __init__(self, watch: WatchAfter) -> None:
         self.watch = watch
@@ -212,7 +212,7 @@ class _Line:
         self._trouble = ""
 
     def take(self, role: object, clock: Clock, reading: Reading) -> None:
-        """Read once."""
+        """Take one reading."""
         watch = self.watch
         try:
             figure: Figure = getattr(role, watch.quantity)()

@@ -27,7 +27,7 @@ class ServedEnds:
         spec: the bench file.
         where: by instrument, the URL at which it is open, or why it has none.
         run: serves until stopped.
-        stop: lets `run` return soon; may be called by a signal.
+        stop: makes `run` return soon; may be called from a signal handler.
     """
 
     spec: BenchSpec
@@ -38,12 +38,12 @@ class ServedEnds:
 
 @contextmanager
 def served(spec: BenchSpec, folder: Path, *, speed: float = 1.0, first_port: int = 0) -> Iterator[ServedEnds]:
-    """Open the ends of a bench in a folder, and remove them again.
+    """Open the ends of a bench in a folder, and remove them at the end.
 
     Args:
         spec: the bench file, with a simulated twin whose truths were checked.
         folder: where links and control socket are.
-        speed: seconds of the bench in one second of the wall.
+        speed: bench seconds per second of real time.
         first_port: of the network instruments, 0 for any free ports.
 
     Raises:
@@ -55,7 +55,7 @@ def served(spec: BenchSpec, folder: Path, *, speed: float = 1.0, first_port: int
 
 
 def ends_of(folder: Path, bench: str) -> tuple[dict[str, str], float]:
-    """Return where the instruments of a bench are that is served in a folder, and its speed.
+    """Return where the instruments of a bench served in a folder are, and its speed.
 
     Args:
         folder: where it is served.

@@ -1,1 +1,1 @@
-"""Derived quantities of the envelope: computed row by row from what is read."""
+"""Derived quantities of the envelope: computed row by row from the readings."""

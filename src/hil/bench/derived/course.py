@@ -1,4 +1,4 @@
-"""The rows by which a limit is judged: their course, and how far each may still go."""
+"""The rows by which a limit is judged, and the room that they leave before it is passed."""
 
 from __future__ import annotations
 
@@ -11,28 +11,28 @@ from operator import add, mul
 __all__ = ["AHEAD_NS", "NONE", "Course", "Room", "common_room", "direction", "flow_bounds", "micro"]
 
 NONE = (math.nan, math.nan)
-"""The extremes of a column that holds something that is not a number: then nothing is within any bounds."""
+"""The extremes of a column with a value that is not finite: nothing is within any bounds then."""
 
 _MICRO = 1_000_000
 
 
 def direction(current: float, threshold: float) -> int:
-    """Return 1 for a current into the cell, -1 for one out of it, 0 for none: nearer to zero than the threshold."""
+    """Return 1 for a current into the cell, -1 for one out of it, 0 for one below the threshold."""
     return 1 if current >= threshold else -1 if current <= -threshold else 0
 
 
 def micro(number: float) -> int:
-    """Return how many millionths a number is, rounded: whole numbers add up to the same in any order."""
+    """Return a number in millionths, rounded to an integer: integers add up to the same in any order."""
     return round(number * _MICRO)
 
 
 class Course:
-    """Rows in their order.
+    """Rows in time order.
 
     Args:
-        at_ns: their instants by the clock that stamped them, in ns, at least one.
+        at_ns: their timestamps in ns, at least one.
         rows: the rows.
-        places: which place of a row holds which quantity.
+        places: the column of each quantity.
 
     Attributes:
         at_ns: as given.
@@ -49,14 +49,14 @@ class Course:
         self._between: list[int] | None = None
 
     def column(self, quantity: str) -> list[float]:
-        """Return the numbers of a quantity."""
+        """Return the values of a quantity."""
         if (found := self._columns.get(quantity)) is None:
             place = self._places[quantity]
             found = self._columns[quantity] = [row[place] for row in self._rows]
         return found
 
     def extremes(self, quantity: str) -> tuple[float, float]:
-        """Return the lowest and the highest number of a quantity; `NONE` where one is not a number, or infinite."""
+        """Return the lowest and the highest value of a quantity; `NONE` if one is not finite."""
         if (found := self._extremes.get(quantity)) is None:
             numbers = self.column(quantity)
             found = (min(numbers), max(numbers)) if math.isfinite(sum(numbers)) else NONE
@@ -64,7 +64,7 @@ class Course:
         return found
 
     def flow(self, threshold: float) -> int | None:
-        """Return the direction of the current of every row, None if it changes or is not known. See `direction`."""
+        """Return the common direction of the current of all rows, None if it changes or is unknown. See `direction`."""
         low, high = self.extremes("current")
         if low >= threshold:
             return 1
@@ -73,7 +73,7 @@ class Course:
         return 0 if -threshold < low and high < threshold else None
 
     def weights(self, quantity: str) -> list[int]:
-        """Return current in uA or power in uW of every row, whatever the direction; they must be finite."""
+        """Return current in uA or power in uW of every row, regardless of direction; they must be finite."""
         if (found := self._weights.get(quantity)) is None:
             numbers = self.column("current")
             if quantity == "energy":
@@ -90,25 +90,25 @@ class Course:
         return found
 
     def _steps(self) -> list[int]:
-        """Return the times between rows in ns."""
+        """Return the intervals between rows in ns."""
         if self._between is None:
             self._between = [max(0, ended - began) for began, ended in pairwise(self.at_ns)]
         return self._between
 
 
 AHEAD_NS = 600_000_000_000
-"""No room is longer than that: rows are counted at last then."""
+"""The longest room: rows are counted after this time at the latest."""
 
 Bounds = Mapping[str, tuple[float, float]]
 
 
 @dataclass(frozen=True, slots=True)
 class Room:
-    """While every row is within these bounds, and none is later than this instant, a limit is not passed.
+    """Bounds and a deadline: while every row is within the bounds and none is later, a limit is not passed.
 
     Attributes:
         until_ns: by the clock that stamps the rows.
-        bounds: lowest and highest number by quantity; what is named must be a number.
+        bounds: lowest and highest value by quantity; NaN is outside.
     """
 
     until_ns: int
@@ -116,7 +116,7 @@ class Room:
 
 
 def common_room(rooms: Iterable[Room | None]) -> Room | None:
-    """Return the room that several limits leave together, None if one of them leaves none."""
+    """Return the room that several limits leave in common, None if one of them leaves none."""
     until_ns, bounds = 2**62, dict[str, tuple[float, float]]()
     for room in rooms:
         if room is None:
@@ -129,7 +129,7 @@ def common_room(rooms: Iterable[Room | None]) -> Room | None:
 
 
 def flow_bounds(flow: int, threshold: float) -> tuple[float, float]:
-    """Return between which numbers a current keeps its direction. See `hil.bench.derived.course.direction`."""
+    """Return the bounds within which a current keeps its direction. See `hil.bench.derived.course.direction`."""
     if flow == 0:
         almost = math.nextafter(threshold, 0.0)
         return -almost, almost

@@ -1,4 +1,4 @@
-"""What derived quantities have in common: what they are made of, their units, and how rows are counted."""
+"""What derived quantities have in common: sources, units, and how rows are counted."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["INTEGRALS", "TIMES", "UNITS", "Derivation", "Watching"]
 _MINUTE_S, _HOUR_S = 60.0, 3600.0
 
 INTEGRALS = ("charge", "energy", "duration")
-"""What adds up while a current flows in one direction."""
+"""Quantities that accumulate while a current flows in one direction."""
 
 TIMES = {"s": 1.0, "min": _MINUTE_S, "h": _HOUR_S}
 """Units of time, in s."""
@@ -29,42 +29,42 @@ UNITS: dict[str, dict[str, float]] = {
 
 
 class Derivation(Protocol):
-    """Computes one quantity row by row. Times are ns of the clock that stamps the rows.
+    """Computes one quantity row by row. Times are in ns, by the clock that stamps the rows.
 
     Attributes:
-        applies: whether the limit counts at the newest row.
+        applies: whether the limit applies at the newest row.
     """
 
     applies: bool
 
     @property
     def sources(self) -> tuple[tuple[str, str], ...]:
-        """Output and quantity of the numbers that it takes, in their order."""
+        """Output and quantity of each of its inputs, in order."""
         ...
 
     def row(self, at_ns: int, numbers: Sequence[float]) -> float:
-        """Count one row and return the quantity in the limit's unit; NaN, and nothing counted, without its numbers."""
+        """Count one row and return the quantity in the limit's unit; NaN, and nothing counted, if an input is NaN."""
         ...
 
     def quiet(self, course: Course) -> bool:
-        """Count some rows as `row` would if that is known to leave each of them within the limit; else count none."""
+        """Count rows as `row` would if each of them is known to stay within the limit; otherwise count none."""
         ...
 
     def room(self) -> Room | None:
-        """Return how far rows may go without anything to be seen, all of them `quiet`; None if that is not known."""
+        """Return the room in which all rows are `quiet`; None if that is not known."""
         ...
 
     def pause(self) -> None:
-        """Count nothing between the newest row and the next: nobody knows what was there."""
+        """Count nothing between the newest row and the next: what happened in between is unknown."""
         ...
 
     def settle(self, now_ns: int) -> None:
-        """Let the newest row be of this instant: the next one is stamped by another clock."""
+        """Move the newest row to this instant: the next one is stamped by another clock."""
         ...
 
 
 class Watching:
-    """What all derivations have in common: their limit, their sources, and the flow without which it does not count."""
+    """Base of all derivations: the limit, its sources, and the flow without which the limit does not apply."""
 
     def __init__(self, limit: EnvelopeLimit, *quantities: str) -> None:
         if limit.flow and "current" not in quantities:
@@ -79,19 +79,19 @@ class Watching:
         self._highest = math.inf if limit.maximum is None else limit.maximum
 
     def flow_of(self, numbers: Sequence[float]) -> int:
-        """Return the direction of a row's current; 0 where the limit always counts."""
+        """Return the direction of a row's current; 0 if the limit always applies."""
         return direction(numbers[self._current], self._threshold) if self._gated else 0
 
     def flow_room(self, flow: int) -> dict[str, tuple[float, float]]:
-        """Return between which currents the flow stays as it is; nothing if the limit always counts."""
+        """Return the bounds of the current within which the flow stays as it is; empty if the limit always applies."""
         return {"current": flow_bounds(flow, self._threshold)} if self._gated else {}
 
     def flow_through(self, course: Course) -> int | None:
-        """Return the direction of all rows, None if it is not one; 0 where the limit always counts."""
+        """Return the common direction of all rows, None if there is none; 0 if the limit always applies."""
         return course.flow(self._threshold) if self._gated else 0
 
     def pause(self) -> None:
-        """See `Derivation`; what remembers nothing has nothing to forget."""
+        """See `Derivation`; without state there is nothing to forget."""
 
     def settle(self, now_ns: int) -> None:
-        """See `Derivation`; what remembers nothing has no instant."""
+        """See `Derivation`; without state there is no instant to move."""

@@ -1,4 +1,4 @@
-"""Derived quantities, computed row by row: sums, times without change, slopes, and what counts at times only."""
+"""Derived quantities, computed row by row: integrals, times without change, slopes, and gated readings."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ __all__ = ["Gated", "Integral", "Slope", "Unchanged", "derivation_of"]
 _HALF_NS = 2 * NANOSECONDS
 _MICRO = 1_000_000
 _MOST_VOLTS = 10.0
-"""With a higher voltage, energies are looked at in every block."""
+"""Above this voltage, energies are evaluated in every block."""
 
 _WITHIN = 0.999
-"""Rounding does not use up the rest."""
+"""Share of what is left; rounding does not use up the rest."""
 
 
 class _Counting(Watching):
-    """What grows from row to row: when the last one was, and in which direction the current flowed then."""
+    """A quantity that accumulates from row to row, with the instant and the flow of the last one."""
 
     def __init__(self, limit: EnvelopeLimit, *quantities: str) -> None:
         super().__init__(limit, *quantities)
@@ -42,7 +42,7 @@ class _Counting(Watching):
 class Integral(_Counting):
     """Charge, energy or duration of one direction of the current, since it last flowed the other way or since arm.
 
-    By trapezoids between rows, of uA or uW and ns in whole numbers: the sum does not depend on how rows come.
+    Trapezoidal, in integers (uA or uW, and ns), so that the sum does not depend on how rows are split into blocks.
     """
 
     def __init__(self, limit: EnvelopeLimit) -> None:
@@ -94,7 +94,7 @@ class Integral(_Counting):
         return True
 
     def room(self) -> Room | None:
-        """See `Derivation`: what is left of the most may not be used up until then, whatever the current does."""
+        """See `Derivation`: what is left up to the limit must last until then, whatever the current does."""
         if self._at_ns is None or self._flow is None:
             return None
         low, high = flow_bounds(self._flow, self._threshold)
@@ -116,7 +116,7 @@ class Integral(_Counting):
 
 
 class Unchanged(_Counting):
-    """For how long a quantity has not left its band around where it was; with a flow, the time of that flow counts."""
+    """Time for which a quantity has stayed within its band; with a flow, only the time of that flow counts."""
 
     def __init__(self, limit: EnvelopeLimit) -> None:
         super().__init__(limit, limit.of)
@@ -174,7 +174,7 @@ class Unchanged(_Counting):
 
 
 class Slope(Watching):
-    """Change of a quantity over a time: against the newest row that is as old at least; 0 until there is one."""
+    """Change of a quantity over a time window: against the newest row at least that old; 0 until there is one."""
 
     def __init__(self, limit: EnvelopeLimit) -> None:
         super().__init__(limit, limit.of)
@@ -217,7 +217,7 @@ class Slope(Watching):
         return True
 
     def room(self) -> Room | None:
-        """See `Derivation`: no two numbers may lie further apart than the steepest slope makes in its time."""
+        """See `Derivation`: no two values may lie further apart than the steepest slope allows in its window."""
         if not self._numbers:
             return None
         until_ns, bounds = self._times[-1] + AHEAD_NS, self.flow_room(self._flow)
@@ -246,7 +246,7 @@ class Slope(Watching):
 
 
 class Gated(Watching):
-    """What is read, counted only while a current flows, and less what another output reads where it is held against."""
+    """A reading that counts only while a current flows, minus that of another output if it is compared against one."""
 
     def __init__(self, limit: EnvelopeLimit) -> None:
         super().__init__(limit, limit.quantity)
@@ -265,7 +265,7 @@ class Gated(Watching):
         return numbers[0] - numbers[-1] if self._against else numbers[0]
 
     def quiet(self, course: Course) -> bool:
-        """See `Derivation`; what is held against another output is not fed."""
+        """See `Derivation`; a quantity compared against another output is not fed."""
         low, high = course.extremes(self._quantity)
         if not (low <= high and math.isfinite(course.extremes("current")[0])):
             return False
@@ -279,7 +279,7 @@ class Gated(Watching):
 
 
 def derivation_of(limit: EnvelopeLimit) -> Derivation:
-    """Return what computes the quantity of a limit."""
+    """Return the derivation of a limit's quantity."""
     if limit.quantity in INTEGRALS:
         return Integral(limit)
     if limit.quantity == "unchanged":

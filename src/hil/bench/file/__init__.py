@@ -1,1 +1,1 @@
-"""The bench file and the register of devices under test: read, checked, every finding at once."""
+"""The bench file and the register of devices under test: read and checked, all findings at once."""

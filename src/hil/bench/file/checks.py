@@ -1,4 +1,4 @@
-"""What must hold between the sections of a bench file."""
+"""Checks across the sections of a bench file."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ _HIGHEST_STATION = 247  # Modbus over serial line, section 2.2; no other line wi
 
 
 def check_bench(document: Document[BenchSpec], findings: Findings, *, driven: bool = True) -> Document[BenchSpec]:
-    """Add everything that does not fit together, and of a bench that is driven what keeps it from being driven.
+    """Add every inconsistency, and for a bench that is to be driven also whatever prevents that.
 
-    What could not be read is blank, and was told: a check that relies on it waits until it can be read, as one does
-    that relies on a driver or role that nothing offers.
+    What could not be read is blank and was reported: a check that relies on it is skipped, and so is one that
+    relies on a driver or role that no package offers.
 
     Returns:
         The document, with the places of such drivers and roles among what is wrong.
@@ -58,7 +58,7 @@ def _unknown(spec: BenchSpec) -> Complaints:
 
 
 def _concerns(wrong: Path, part: str) -> bool:
-    """Return whether what is wrong at a path may concern a part of the file, such as `wiring.role`."""
+    """Return whether an error at a path may affect a part of the file, such as `wiring.role`."""
     section, *keys = wrong
     inside = ".".join(str(key) for key in keys[1:] if isinstance(key, str))
     name, _, wanted = part.partition(".")
@@ -66,12 +66,12 @@ def _concerns(wrong: Path, part: str) -> bool:
 
 
 def _follows(path: Path, wrongs: Collection[Path]) -> bool:
-    """Return whether a complaint about an entry may only follow from a key of it that is wrong."""
+    """Return whether a complaint about an entry may be a mere consequence of a wrong key in it."""
     return any(wrong[:2] == path[:2] and len(wrong) <= _KEY_OF_ENTRY for wrong in wrongs)
 
 
 def _names(spec: BenchSpec) -> Complaints:
-    """Names stand in URLs, transcripts and file names."""
+    """Check the names: they appear in URLs, transcripts and file names."""
     things: list[tuple[Path, InstrumentSpec | Bus]] = [
         *named(spec.instruments, "instruments"),
         *named(spec.buses, "buses"),
@@ -95,7 +95,7 @@ def _instruments(spec: BenchSpec) -> Complaints:
 
 
 def _ports(spec: BenchSpec) -> Complaints:
-    """Only what can be told apart is opened; on a network, an instrument is known by what it says of itself alone."""
+    """Check that ports can be told apart; on a network, an instrument is known only by its own identification."""
     for path, item in named(spec.instruments, "instruments"):
         if not item.port:
             continue
@@ -126,7 +126,7 @@ def _is_on_network(item: InstrumentSpec) -> bool:
 
 
 def _buses(spec: BenchSpec) -> Complaints:
-    """A bus is the host's own, or an instrument of the bench serves it."""
+    """Check that every bus is the host's own or served by an instrument of the bench."""
     by_name = {item.name: item for item in spec.instruments}
     served: dict[str, str] = {}
     for at, bus in named(spec.buses, "buses"):
@@ -155,7 +155,7 @@ def _server(spec: BenchSpec, at: Path, bus: Bus, item: InstrumentSpec) -> Compla
 
 
 def _fed(spec: BenchSpec) -> Complaints:
-    """Arm identifies what the bench feeds while it tries the output that feeds it, so there must be one."""
+    """Check that a device fed by the bench has an output that feeds it: arming identifies it while trying that one."""
     tried = {wire.name: wire.reduced is not None for wire in spec.wiring}
     for at, item in named(spec.instruments, "instruments"):
         yield from known(at, "output", item.powered_by, tried)
@@ -178,7 +178,7 @@ class _Die:
 
 
 def _dies(at: Path, item: InstrumentSpec) -> Iterator[_Die]:
-    """Give every address at which an instrument answers: two, where its driver says that its chip has two dies."""
+    """Yield every address at which an instrument answers: two if its driver says that the chip has two dies."""
     driver = DRIVERS.find(item.driver)
     straps = driver.straps() if driver is not None and issubclass(driver, Strapped) else ()
     yield _Die((*at, "address"), item, item.address, straps[0] if straps else Strap("", ()))
@@ -188,7 +188,7 @@ def _dies(at: Path, item: InstrumentSpec) -> Iterator[_Die]:
 
 
 def _straps(spec: BenchSpec) -> Complaints:
-    """An address is one that the chip can be strapped to; a second one is that of a second die."""
+    """Check that the chip can be strapped to its address; a second address is that of a second die."""
     for at, item in named(spec.instruments, "instruments"):
         dies = list(_dies(at, item)) if item.bus else []
         if item.second_address and len(dies) < 2:
@@ -201,7 +201,7 @@ def _straps(spec: BenchSpec) -> Complaints:
 
 
 def _clashes(spec: BenchSpec) -> Complaints:
-    """Two devices at one address of a bus would both answer: told at both places, with what to strap instead."""
+    """Report two devices at one bus address, which would both answer, at both places, with what to strap instead."""
     dies = [die for at, item in named(spec.instruments, "instruments") if item.bus for die in _dies(at, item)]
     taken = {(die.item.bus, die.address) for die in dies}
     for number, die in enumerate(dies):
@@ -261,7 +261,7 @@ def _references(spec: BenchSpec) -> Complaints:
 
 
 def _shared(spec: BenchSpec) -> Complaints:
-    """Two wires may share a board of contacts, but no contact; and a channel only where neither drives it."""
+    """Check that wires which share a relay board share no contact, and share a channel only if neither drives it."""
     by_place: dict[tuple[str, int], list[Wire]] = {}
     for at, wire in listed("wiring", spec.wiring):
         numbers = set(wire.contacts.values())
@@ -287,7 +287,7 @@ def _measure_by_turns(wire: Wire, other: Wire) -> bool:
 
 
 def _twin(spec: BenchSpec) -> Complaints:
-    """Truths, plants and person are checked by those who understand them; see `binding.check_twin`."""
+    """Check the peers and the epoch of the twin; for truths, plants and person see `binding.check_twin`."""
     if spec.simulated is None:
         return
     names = [item.name for item in spec.instruments]
@@ -312,9 +312,9 @@ def _is_moment(epoch: str) -> bool:
 _OUTPUTS = ("wiring.role", "wiring.instance")
 _PORTS = ("instruments.port", "instruments.bus", "buses")
 _Checks = tuple[tuple[Callable[[BenchSpec], Complaints], tuple[str, ...]], ...]
-"""Each check, with the parts of the file, besides the entry that it complains of, on which its complaints rely.
+"""Each check, with the parts of the file, besides the entry it complains about, on which its complaints rely.
 
-The `name` of an entry is wrong where all of the section or entry is.
+The `name` of an entry counts as wrong if the whole section or entry does.
 """
 
 _DRIVEN: _Checks = (

@@ -1,4 +1,4 @@
-"""What checks of a bench file say, and where in the file that is."""
+"""Complaints of the checks of a bench file, each with its path in the file."""
 
 from __future__ import annotations
 
@@ -16,32 +16,32 @@ from hil.model.notation import Path
 __all__ = ["Complaints", "known", "listed", "named", "quantities_told", "quantity", "quantity_of", "usable"]
 
 Complaints = Iterator[tuple[Path, str]]
-"""What is wrong, and at which path of the bench file."""
+"""Paths in the bench file, each with what is wrong there."""
 
 _Thing = TypeVar("_Thing")
 _Named = TypeVar("_Named", Bus, InstrumentSpec)
 
 
 def listed(section: str, items: Sequence[_Thing]) -> Iterator[tuple[Path, _Thing]]:
-    """Give the items of a list in the bench file, each with its path."""
+    """Yield the items of a list in the bench file, each with its path."""
     for index, item in enumerate(items):
         yield (section, index), item
 
 
 def named(items: Sequence[_Named], *section: str) -> Iterator[tuple[Path, _Named]]:
-    """Give the entries under names in the bench file, each with its path."""
+    """Yield the named entries of a section of the bench file, each with its path."""
     for item in items:
         yield (*section, item.name), item
 
 
 def known(at: Path, what: str, name: str, names: Iterable[str]) -> Complaints:
-    """Complain about a name that nothing has; an empty one could not be read, which was reported before."""
+    """Complain about an unknown name; an empty one could not be read, which was reported already."""
     if name and name not in names:
         yield at, f"unknown {what} '{name}'{did_you_mean(name, names)}"
 
 
 def usable(at: Path, offers: Offers[Any], name: str) -> Complaints:
-    """Complain about a name that no package offers, or of an offer that is refused."""
+    """Complain about a name that no package offers, or an offer that is refused."""
     yield from known(at, offers.what, name, offers)
     if name in offers:
         try:
@@ -51,19 +51,19 @@ def usable(at: Path, offers: Offers[Any], name: str) -> Complaints:
 
 
 def quantity(at: Path, name: str, unit: str) -> Complaints:
-    """Complain about a quantity that no role has, or of a unit in which none gives it."""
+    """Complain about a quantity that no role has, or a unit in which none of them has it."""
     yield from _given(at, name, unit, quantity_units())
 
 
 def quantity_of(at: Path, output: str, name: str, unit: str, inputs: Mapping[str, str] | None = None) -> Complaints:
-    """Complain about a quantity that the output's role does not have, or of a unit in which it does not give it.
+    """Complain about a quantity that the output's role does not have, or a unit in which it does not have it.
 
     Args:
         at: where in the bench file.
         output: name of a wire.
         name: the quantity.
         unit: its unit.
-        inputs: what the wire names beside its role's quantities, and the unit of each; see `inputs_of`.
+        inputs: the inputs that the wire names besides its role's quantities, with their units; see `inputs_of`.
     """
     role, units = role_of(output), quantity_units()
     if inputs:
@@ -80,7 +80,7 @@ def quantity_of(at: Path, output: str, name: str, unit: str, inputs: Mapping[str
 
 
 def quantities_told(role: Role) -> str:
-    """Return which quantities a role has for clamps, envelope and proofs, and what to do where it has none."""
+    """Return which quantities a role has for clamps, envelope and proofs, or what to do if it has none."""
     if role.quantities:
         return f"the role {role.name} has {', '.join(role.quantities)}"
     return f"the role {role.name} has no quantities for clamps, envelope and proofs; name another output"

@@ -1,4 +1,4 @@
-"""What must hold for cut paths, for batteries that are charged, and for the watch after a run."""
+"""Checks of cut paths, of battery charging, and of the watch after a run."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ __all__ = ["charging", "cut_off", "cut_paths", "watched_after"]
 def charging(spec: BenchSpec) -> Complaints:
     """Check that every battery has a charger, and that something other than its setting limits the voltage.
 
-    The first guard is the supply's own over-voltage protection. Where that has no level of its own, which a wrong
-    setting would raise with it, the cycler's measurement in the envelope has to be the guard.
+    The first guard is the supply's own over-voltage protection. If that has no level of its own, so that a wrong
+    setting would raise it too, the cycler's measurement in the envelope has to be the guard.
     """
     cyclers = [wire.name for wire in spec.wiring if wire.role == "cycler"]
     charged = {wire.charges for wire in spec.wiring}
@@ -50,7 +50,7 @@ def _problems(spec: BenchSpec, wire: Wire) -> Iterator[str]:
 
 
 def _measured(spec: BenchSpec, cycler: str) -> bool:
-    """Return whether the envelope holds the battery's voltage down."""
+    """Return whether the envelope limits the battery's voltage."""
     return any(
         (limit.output, limit.quantity, limit.is_derived) == (cycler, "voltage", False) and limit.maximum is not None
         for limit in spec.envelope
@@ -58,7 +58,7 @@ def _measured(spec: BenchSpec, cycler: str) -> bool:
 
 
 def cut_paths(spec: BenchSpec) -> Complaints:
-    """Check that every cut path can be taken, and that it does not go through the port of what it cuts off."""
+    """Check that every cut path can be taken, and does not go through the port of the output that it cuts off."""
     outputs = [wire.name for wire in spec.wiring]
     seen: set[tuple[str, str]] = set()
     for at, path in listed("cut_paths", spec.cut_paths):

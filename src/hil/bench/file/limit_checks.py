@@ -1,4 +1,4 @@
-"""What must hold for the numbers of a bench file: ratings, clamps, levels, certificates, envelope, safe-off."""
+"""Checks of the numbers in a bench file: ratings, clamps, levels, certificates, envelope, safe-off."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def _derived(spec: BenchSpec, at: Path, limit: EnvelopeLimit) -> Complaints:
 
 
 def air(spec: BenchSpec) -> Complaints:
-    """Check that nothing is cooled below the dew point of the air around it, where the bench knows that."""
+    """Check that nothing is cooled below the dew point of the air around it, if the bench measures that."""
     dew_point = spec.head.dew_point
     if dew_point is None:
         return
@@ -81,7 +81,7 @@ def _guarded(spec: BenchSpec, wire: Wire, lowest: float) -> bool:
 
 
 def _keys(limit: EnvelopeLimit) -> Iterator[str]:
-    """What a quantity needs, what else it takes, and nothing more."""
+    """Yield the keys that a quantity needs and lacks, or has and does not take."""
     given = limit.derivation
     needed = _NEEDED.get(limit.quantity, ())
     allowed = (*needed, *_ALLOWED.get(limit.quantity, _OF_WHAT_IS_READ))
@@ -114,7 +114,7 @@ def _unit(at: Path, limit: EnvelopeLimit, inputs: Mapping[str, str]) -> Complain
 
 
 def _sources(spec: BenchSpec, limit: EnvelopeLimit) -> Iterator[str]:
-    """What is derived needs what it is derived from."""
+    """Check that the sources of a derived quantity exist."""
     role, units = role_of(limit.output), quantity_units()
     if limit.of and limit.of not in units:
         yield f"unknown quantity '{limit.of}'{did_you_mean(limit.of, units)}"
@@ -135,7 +135,7 @@ def _sources(spec: BenchSpec, limit: EnvelopeLimit) -> Iterator[str]:
 
 
 def _of_inputs(limit: EnvelopeLimit, inputs: Mapping[str, str]) -> Iterator[str]:
-    """What is derived from inputs that a wire names comes from one of them: none of them is known to be a current."""
+    """Check a quantity derived from the inputs that a wire names: it takes one, and none is known to be a current."""
     if limit.of and limit.of not in inputs:
         yield f"{limit.output} has no {limit.of}: its wire names {', '.join(inputs)}"
     if limit.quantity in INTEGRALS or limit.flow:
@@ -162,7 +162,7 @@ def ratings(spec: BenchSpec) -> Complaints:
 
 
 def certificates(spec: BenchSpec) -> Complaints:
-    """Check that every calibration has a last day, and that every range of it holds something."""
+    """Check that the due date of every calibration exists, and that none of its ranges is empty."""
     for path, item in named(spec.instruments, "instruments"):
         if item.register:
             continue  # the register was checked when it was read
@@ -281,7 +281,7 @@ def _bound_problems(limit: EnvelopeLimit) -> Iterator[str]:
 
 
 def safe_steps(spec: BenchSpec) -> Complaints:
-    """Check that every line of safe-off, rest and hold can be taken, and its proof be read."""
+    """Check that every line of safe-off, rest and hold can be executed, and its proof read."""
     steps = (*listed("safe_off", spec.safe_off), *listed("rest", spec.rest), *listed("hold", spec.hold))
     for at, step in steps:
         yield from known(at, "output", step.output, _outputs(spec))
@@ -300,7 +300,7 @@ def _proof(at: Path, step: SafeStep, proof: Proof, outputs: Collection[str]) -> 
 
 
 def covered(spec: BenchSpec) -> Complaints:
-    """Check that every output that can do harm is in the safe-off, clamped and proven as its role asks."""
+    """Check that every output that can do harm is in the safe-off, clamped and proven as its role requires."""
     made_safe = {step.output for step in spec.safe_off}
     proven = {step.output for step in spec.safe_off if step.proof}
     for at, wire in listed("wiring", spec.wiring):

@@ -1,4 +1,4 @@
-"""What must hold of ports: which settings a port has, which the driver's protocol fixes, and who is at it."""
+"""Checks of ports: their settings, what the driver's protocol fixes, and the identity of the device."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _SERIAL = (PortKind.SERIAL, PortKind.RFC2217)
 
 
 def identities(spec: BenchSpec) -> Complaints:
-    """Check that only serial devices are said to be USB devices or on board, and that no two are the same one."""
+    """Check that only serial devices are declared USB or on board, and that no two are the same device."""
     seen: dict[str, InstrumentSpec] = {}
     for path, item in named(spec.instruments, "instruments"):
         is_device = bool(item.port) and kind_of(bare(item.port)) is PortKind.SERIAL
@@ -45,14 +45,14 @@ def _places(item: InstrumentSpec) -> Iterator[tuple[str, str]]:
 
 
 def settings(spec: BenchSpec) -> Complaints:
-    """Check that a port has what is set of it, and that the driver's protocol leaves it open."""
+    """Check that a port has the settings it is given, and that the driver's protocol leaves them open."""
     for path, item in named(spec.instruments, "instruments"):
-        where = _spoken(item)
+        where = _described(item)
         if item.port and kind_of(item.port) is PortKind.OTHER:
-            continue  # no such port is opened; that is told where it is read
+            continue  # no such port is opened; reported where it is read
         yield from _wrapped(path, item)
         if not is_wrapped(item) and not (item.port and kind_of(item.port) in _SERIAL):
-            by_visa = bool(item.port) and kind_of(bare(item.port)) is PortKind.SERIAL  # sets the speed of a line alone
+            by_visa = bool(item.port) and kind_of(bare(item.port)) is PortKind.SERIAL  # sets only the baud rate
             given = {"baud": item.baud != 0 and not by_visa, "serial_line": item.serial_line is not None}
             for key in (key for key, is_given in given.items() if is_given):
                 yield (*path, key), f"{item.name} is at {where}, which has no {key}"
@@ -67,7 +67,7 @@ def settings(spec: BenchSpec) -> Complaints:
 
 
 def _wrapped(path: Path, item: InstrumentSpec) -> Complaints:
-    """Complain about what a vendor's driver decides by itself, and about what is for such a driver alone."""
+    """Complain about settings that a vendor's driver makes itself, and settings meant for such a driver only."""
     if is_wrapped(item):
         given = {"baud": item.baud != 0, "serial_line": item.serial_line is not None}
         for key in (key for key, is_given in given.items() if is_given):
@@ -80,7 +80,7 @@ def _wrapped(path: Path, item: InstrumentSpec) -> Complaints:
 
 
 def _fixed(path: Path, item: InstrumentSpec) -> Complaints:
-    """Complain about what the protocol of a driver fixes, or cannot live with."""
+    """Complain about settings that the driver's protocol fixes or rules out."""
     driver, line = DRIVERS.find(item.driver), item.serial_line
     if driver is None:
         return
@@ -106,5 +106,5 @@ def _fixed(path: Path, item: InstrumentSpec) -> Complaints:
         yield (*at, "rs485"), f"{item.name}: only the kernel of this computer switches the direction of a line"
 
 
-def _spoken(item: InstrumentSpec) -> str:
+def _described(item: InstrumentSpec) -> str:
     return "an I2C bus" if item.bus else f"a port of kind {kind_of(item.port)}"

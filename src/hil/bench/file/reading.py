@@ -1,4 +1,4 @@
-"""Read a bench file: everything that is wrong at once."""
+"""Reads and checks a bench file; reports everything that is wrong at once."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def bench_names(benches: Path) -> tuple[str, ...]:
 
 
 Twin = Callable[[Document[BenchSpec], Findings, bool], None]
-"""Checks the simulated twin of a bench file; the flag tells whether everything else was found right."""
+"""Checks the simulated twin of a bench file; the flag says whether everything else is correct."""
 
 
 def load_bench(benches: Path, name: str, root: Path, *, driven: bool = True, twin: Twin = lambda *_: None) -> BenchSpec:
@@ -36,7 +36,7 @@ def load_bench(benches: Path, name: str, root: Path, *, driven: bool = True, twi
         benches: the folder that holds the benches.
         name: the bench.
         root: the workspace; findings show paths relative to it.
-        driven: whether it is going to be driven; its record answers for one that is replayed, and an older one too.
+        driven: whether it is going to be driven; for a replay its record answers, which may be older.
         twin: checks the simulated twin, where that is used.
 
     Raises:
@@ -77,7 +77,7 @@ def _check_name(document: Document[BenchSpec], path: Path, findings: Findings) -
 def _with_register(
     document: Document[BenchSpec], fixtures: Path, root: Path, findings: Findings
 ) -> Document[BenchSpec]:
-    """Return a bench file in which instruments have the calibrations of their entries in the register."""
+    """Return the bench file with the calibrations of the instruments' register entries."""
     naming = [(at, item) for at, item in named(document.model.instruments, "instruments") if item.register]
     if not naming:
         return document
@@ -103,7 +103,7 @@ def _of_register(
     shown: str,
     fixtures: Path,
 ) -> Iterator[tuple[str, str]]:
-    """Give what is wrong between an instrument and its entry in the register: a key and a sentence."""
+    """Yield every mismatch between an instrument and its register entry: a key and a sentence."""
     if item.calibration is not None:
         yield "calibration", "an instrument of the register has no calibration in the bench file; leave one of them out"
     if entry is None:
@@ -115,7 +115,7 @@ def _of_register(
 
 
 def _check_certificates(document: Document[BenchSpec], folder: Path, findings: Findings) -> None:
-    """A certificate lies in the bench's folder, so that packages hold it."""
+    """Check that every certificate is in the bench's folder, so that packages contain it."""
     for at, item in named(document.model.instruments, "instruments"):
         certificate = item.calibration.certificate if item.calibration and not item.register else ""
         if certificate and (problem := _certificate_problem(folder, certificate)):
@@ -123,7 +123,7 @@ def _check_certificates(document: Document[BenchSpec], folder: Path, findings: F
 
 
 def _certificate_problem(folder: Path, certificate: str) -> str:
-    """Return what is wrong with the file of a certificate, which may be of any kind, or nothing."""
+    """Return what is wrong with a certificate's file, which may be of any format; empty if nothing is."""
     try:
         file = (folder / certificate).resolve()
         if not file.is_relative_to(folder.resolve()) or not file.exists():
@@ -132,7 +132,7 @@ def _certificate_problem(folder: Path, certificate: str) -> str:
             return f"the certificate '{certificate}' is no file"
         with file.open("rb") as stream:
             stream.read(1)
-    except (OSError, RuntimeError, ValueError) as error:  # a loop of links is a RuntimeError to some versions of Python
+    except (OSError, RuntimeError, ValueError) as error:  # some Python versions raise RuntimeError for a loop of links
         reason = getattr(error, "strerror", None) or "its path leads nowhere"
         return f"the certificate '{certificate}' cannot be read: {reason}"
     return ""
