@@ -1,4 +1,4 @@
-"""Start the guardian's process: `python -I -S …/hil/guardian/__main__.py DESCRIPTOR`, as its client does.
+"""Entry point of the guardian's process: `python -I -S …/hil/guardian/__main__.py DESCRIPTOR`, as its client starts it.
 
 Started by its path, without the site packages, it depends on nothing in the executive's environment: no
 variables, no working directory, no hooks of other packages. The folder that holds `hil` comes last on the path, so that

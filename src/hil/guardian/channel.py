@@ -1,4 +1,4 @@
-"""Messages between executive and guardian: JSON packets with descriptors, on a socket that keeps their boundaries.
+"""Channel between executive and guardian: JSON packets with descriptors, on a socket that keeps packet boundaries.
 
 A packet is sent whole or not at all, so a process that stops or dies never leaves half of one, and sending never
 waits for the other side. (`socket.send_fds` and `recv_fds` would wait: they take flags but do not pass them on.)
@@ -20,11 +20,11 @@ _MOST_BYTES = 65_536
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DrillResult:
-    """What the guardian found when it drilled one output, or the heartbeat.
+    """Result of the guardian's drill of one output, or of the heartbeat.
 
     Attributes:
         output: dotted name of the role instance; `heartbeat` for the beats of the executive.
-        ok: whether it did what it must.
+        ok: whether it passed.
         detail: what happened, in words.
         seconds: how long it took; for the heartbeat, the silence after which the guardian would have acted.
     """
@@ -44,13 +44,13 @@ def pair() -> tuple[socket.socket, socket.socket]:
     return socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
 
 
-def send(end: socket.socket, kind: str, *descriptors: int, **told: object) -> bool:
-    """Send a packet; return False if there is no room for it because the other side does not read.
+def send(end: socket.socket, kind: str, *descriptors: int, **fields: object) -> bool:
+    """Send a packet; return False if the channel is full because the other side does not read.
 
     Raises:
-        HungUp: if nobody will ever read it.
+        HungUp: if the other side is gone.
     """
-    packet = json.dumps({"kind": kind, **told}).encode()
+    packet = json.dumps({"kind": kind, **fields}).encode()
     passed = [(socket.SOL_SOCKET, socket.SCM_RIGHTS, array("i", descriptors))] if descriptors else []
     try:
         end.sendmsg([packet], passed, socket.MSG_DONTWAIT | socket.MSG_NOSIGNAL)
@@ -65,7 +65,7 @@ def receive(end: socket.socket) -> tuple[dict[str, Any], list[int]] | None:
     """Return the next packet with its descriptors, None if none is there.
 
     Raises:
-        HungUp: if none will ever come.
+        HungUp: if the other side is gone.
         ValueError: if it is not JSON.
     """
     flags = socket.MSG_DONTWAIT | socket.MSG_CMSG_CLOEXEC

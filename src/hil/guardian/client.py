@@ -1,4 +1,4 @@
-"""The guardian's client: the executive starts, drills and beats the guardian, and learns when it is gone."""
+"""The guardian's client: the executive starts and drills the guardian, sends heartbeats, and detects its loss."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _HINT = "check whether somebody stopped it, and the load of this machine; the be
 
 
 class Guardian:
-    """A running guardian, used by one thread of the executive.
+    """A running guardian, used from one thread of the executive.
 
     Args:
         process: the guardian's process.
@@ -42,7 +42,7 @@ class Guardian:
         look: see `start`.
 
     Attributes:
-        stays_for: the outputs for which it stays after `close`, until they are proven safe or a person acknowledges.
+        stays_for: the outputs for which it stays after `close`, until they are proven safe or a person acknowledges it.
     """
 
     def __init__(
@@ -80,8 +80,8 @@ class Guardian:
             plan: what is guarded; relative paths in it count from the working directory.
             descriptors: open descriptors of all ports of the plan, by device.
             lock_descriptors: descriptors of the leases; the guardian holds them until it exits.
-            look: called a few times a second while an answer is awaited before it watches; what it raises ends the
-                guardian at once, which has nothing to guard yet.
+            look: called a few times a second while an answer is awaited before it watches; if it raises, the guardian,
+                which has nothing to guard yet, is ended at once.
 
         Raises:
             Refused: if it does not start, or cannot use the plan.
@@ -116,7 +116,7 @@ class Guardian:
         return self._process.pid
 
     def drill(self) -> tuple[DrillResult, ...]:
-        """Have the guardian make every output safe and prove it, then stay silent until it would have acted.
+        """Have the guardian make every output safe and prove it, then withhold the beats until it would have acted.
 
         Nothing else may use the ports during the drill.
 
@@ -126,7 +126,7 @@ class Guardian:
         return self._results("drill")
 
     def watch(self) -> None:
-        """Have the guardian act on death and silence from now on; the first beat is due within `hang_s`.
+        """Have the guardian act on the executive's death or silence from now on; the first beat is due within `hang_s`.
 
         Raises:
             GuardianLost: if it is gone or does not answer.
@@ -136,15 +136,15 @@ class Guardian:
         self._watched, self._disarmed = True, False
 
     def beat(self, fresh_until: float) -> None:
-        """Send a heartbeat, without waiting for anything.
+        """Send a heartbeat without waiting.
 
         Args:
-            fresh_until: up to when the last check of the envelope is valid, in seconds since boot (CLOCK_BOOTTIME).
+            fresh_until: until when the last check of the envelope is valid, in seconds since boot (CLOCK_BOOTTIME).
 
         Raises:
             GuardianLost: if the guardian is gone, or has answered no beat for `hang_s`.
         """
-        self._hear_answers()
+        self._take_answers()
         now = time.monotonic()
         if self._unanswered and now - self._unanswered[0][1] > self._plan.hang_s:
             self._lost = True
@@ -166,7 +166,7 @@ class Guardian:
         return results
 
     def close(self) -> None:
-        """Leave, and wait for the guardian to exit. If it watches it makes the bench safe first, and kills nobody.
+        """Leave, and wait for the guardian to exit. If it is watching it makes the bench safe first, and kills nothing.
 
         A guardian that cannot prove every output safe stays, and `stays_for` names them. One that is lost, or neither
         exits nor says so, is killed. Closing twice is harmless.
@@ -199,11 +199,11 @@ class Guardian:
         results = []
         limit_s = self._plan.hang_s + _MARGIN_S + 2 * max(self._longest_s(), default=0.0)
         self._send(kind)
-        while (told := self._next(limit_s))["kind"] != "done":
-            if told["kind"] == "result":
-                del told["kind"]
-                results.append(DrillResult(**told))
-            elif told["kind"] == "beats":
+        while (message := self._next(limit_s))["kind"] != "done":
+            if message["kind"] == "result":
+                del message["kind"]
+                results.append(DrillResult(**message))
+            elif message["kind"] == "beats":
                 for _ in range(_BEATS_IN_A_DRILL):
                     self.beat(0.0)
         self._unanswered.clear()
@@ -211,10 +211,10 @@ class Guardian:
 
     def _await(self, kind: str, limit_s: float) -> dict[str, Any]:
         until = time.monotonic() + limit_s
-        while (told := self._next(until - time.monotonic()))["kind"] != kind:
-            if told["kind"] == "refused":
-                raise GuardianLost(told["why"])
-        return told
+        while (message := self._next(until - time.monotonic()))["kind"] != kind:
+            if message["kind"] == "refused":
+                raise GuardianLost(message["why"])
+        return message
 
     def _next(self, limit_s: float) -> dict[str, Any]:
         """Return the guardian's next message."""
@@ -224,11 +224,11 @@ class Guardian:
                 self._look_up()
             if time.monotonic() >= until:
                 raise GuardianLost("the guardian does not answer", _HINT)
-        told = self._received()
-        return {"kind": "nothing"} if told is None else told
+        message = self._received()
+        return {"kind": "nothing"} if message is None else message
 
     def _look_up(self) -> None:
-        """Let whoever waits look; if it raises, the guardian is ended before anything was entrusted to it."""
+        """Call `look`; if it raises, end the guardian, to which nothing was entrusted yet."""
         try:
             self._look()
         except BaseException:
@@ -238,9 +238,9 @@ class Guardian:
             self._end_process(_LEAVING_S)
             raise
 
-    def _hear_answers(self) -> None:
-        while (told := self._received()) is not None:
-            while told["kind"] == "heard" and self._unanswered and self._unanswered[0][0] <= told["number"]:
+    def _take_answers(self) -> None:
+        while (message := self._received()) is not None:
+            while message["kind"] == "heard" and self._unanswered and self._unanswered[0][0] <= message["number"]:
                 self._unanswered.popleft()
 
     def _received(self) -> dict[str, Any] | None:
@@ -250,9 +250,9 @@ class Guardian:
             raise GuardianLost("the guardian is gone", _HINT) from error
         return None if packet is None else packet[0]
 
-    def _send(self, kind: str, **told: object) -> bool:
+    def _send(self, kind: str, **fields: object) -> bool:
         try:
-            return channel.send(self._end, kind, **told)
+            return channel.send(self._end, kind, **fields)
         except HungUp as error:
             raise GuardianLost("the guardian is gone", _HINT) from error
 
@@ -285,7 +285,7 @@ def _does_not_start(error: Exception) -> Refused:
 
 
 def _started(end: socket.socket) -> subprocess.Popen[bytes]:
-    """Start the process in its own session, with nothing of this one but its end and standard error."""
+    """Start the process in its own session; it inherits only its end of the channel and standard error."""
     program = str(Path(__file__).with_name("__main__.py").resolve())
     return subprocess.Popen(  # noqa: S603 - ourselves
         [sys.executable, "-I", "-S", program, str(end.fileno())],

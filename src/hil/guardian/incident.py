@@ -1,4 +1,4 @@
-"""What the guardian records of an incident: latches, its own journal, one line on standard error."""
+"""Incident log of the guardian: latches, its own journal, one line on standard error."""
 
 from __future__ import annotations
 
@@ -40,10 +40,10 @@ class IncidentLog:
         self._executive: int | None = None
         self.latched = "the bench could not be latched"
 
-    def note(self, event: str, **told: object) -> None:
-        """Keep one event."""
+    def note(self, event: str, **fields: object) -> None:
+        """Keep one event until it is saved."""
         now = {"utc": utc_now(), "boot": round(time.clock_gettime(time.CLOCK_BOOTTIME), 6)}
-        self._lines.append(json.dumps({**now, "event": event, **told}))
+        self._lines.append(json.dumps({**now, "event": event, **fields}))
 
     def check(self) -> None:
         """Check that latches and journal can be written.
@@ -57,13 +57,13 @@ class IncidentLog:
             raise HilError(f"the guardian cannot write its journal {self._plan.journal}")
 
     def latch(self, why: str, since: str, unproven: tuple[str, ...]) -> None:
-        """Latch the bench, unless that was acknowledged; note what is latched once, and what cannot be."""
+        """Latch the bench, unless that was acknowledged; note once what is latched, and what cannot be."""
         if self.is_acknowledged():
             return
-        told = Latch(bench=self._plan.bench, run=self._plan.run, why=why, since=since, outputs=unproven)
+        entry = Latch(bench=self._plan.bench, run=self._plan.run, why=why, since=since, outputs=unproven)
         for path in self._plan.latches:
             try:
-                latch.write(Path(path), told)
+                latch.write(Path(path), entry)
             except (OSError, HilError) as error:
                 self.note("not latched", path=path, why=str(error))
                 continue
@@ -73,7 +73,7 @@ class IncidentLog:
             self.latched = "the bench is latched"
 
     def is_acknowledged(self) -> bool:
-        """Return whether a latch that was written is no longer there: only a person takes one back."""
+        """Return whether a latch that was written is gone: only a person removes one."""
         return any(Path(path).parent.is_dir() and latch.read(Path(path)) is None for path in self._paths)
 
     def save(self) -> None:
@@ -95,7 +95,7 @@ class IncidentLog:
         self._lines.clear()
 
     def wait_for(self, executive: int) -> None:
-        """Write nothing more while the executive lives, which may seal the folder; what is noted is kept until then.
+        """Write nothing while the executive lives, which may seal the folder; events are kept in memory until it ends.
 
         Args:
             executive: descriptor of its process.
@@ -103,7 +103,7 @@ class IncidentLog:
         self._executive = executive
 
     def _waits(self) -> bool:
-        """Return whether the journal is not to be written now; in a sealed folder it never is again."""
+        """Return whether the journal must not be written now; in a sealed folder it is never written again."""
         if (Path(self._plan.run) / _SEAL).exists():
             self._lines.clear()
             return True
@@ -130,7 +130,7 @@ def utc_now() -> str:
 
 
 def _say(text: str) -> None:
-    """Write one line to standard error, without waiting for a reader that is gone or stopped."""
+    """Write one line to standard error without waiting for a reader that is gone or stopped."""
     poll = select.poll()
     poll.register(_STANDARD_ERROR, select.POLLOUT)
     try:

@@ -1,11 +1,11 @@
 """Latches: files that keep a bench from being used until a named person has looked at it.
 
 They survive a reboot, and every user of the host finds them. Each user writes files of its own. A file in a latch's
-place that cannot be read as one counts as a latch: in doubt, look at the bench.
+place that cannot be parsed counts as a latch: if in doubt, look at the bench.
 
-Nothing ages below /var/lib, where the administrator has to make the folder. Until then they lie below /var/tmp, where
-systemd-tmpfiles removes what is older than 30 days. It passes by files with the sticky bit (`dir_cleanup` in its
-tmpfiles.c), which all latches have; against other programs a run renews those of its bench.
+Nothing ages below /var/lib, where the administrator has to create the folder. Until then they are below /var/tmp, where
+systemd-tmpfiles removes what is older than 30 days. It skips files with the sticky bit (`dir_cleanup` in its
+tmpfiles.c), which all latches have; to guard against other programs a run renews the latches of its bench.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from hil.model.errors import Refused
 __all__ = ["PLACES", "Latch", "clear", "latch_files", "may_clear", "path_of", "read", "share", "write", "write_whole"]
 
 PLACES = (Path("/var/lib/hil/latches"), Path("/var/tmp/hil-latches"))  # noqa: S108 - the same for every user
-"""Latches are written in the first that is there, or in the last, and found in all."""
+"""Latches are written in the first that exists, or in the last, and looked for in all."""
 
 _MOST_BYTES = 65_536
 _FLAGS = os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
@@ -50,15 +50,15 @@ class Latch:
 
 
 def path_of(key: str, folder: Path | None = None) -> Path:
-    """Return where this user latches an instrument, by the key of its lease; in `PLACES` unless a folder is named."""
+    """Return the file with which this user latches the instrument of a lease's key; in `PLACES` unless in a folder."""
     place = folder or next((each for each in PLACES[:-1] if _takes_files(each)), PLACES[-1])
     return place / f"{_digest(key)}-{os.geteuid()}.latch"
 
 
 def latch_files(key: str | None = None, folder: Path | None = None) -> list[Path]:
-    """Return the files that may latch an instrument, whoever wrote them; all there are where no key is given.
+    """Return the files that may latch an instrument, whoever wrote them; all files if no key is given.
 
-    A folder that cannot be read stands for one of them.
+    A folder that cannot be read counts as one of them.
     """
     found: list[Path] = []
     for place in dict.fromkeys([folder] if folder else PLACES):
@@ -110,12 +110,12 @@ def share(folder: Path) -> None:
 
 
 def write(path: Path, latch: Latch, *, alone: bool = False) -> None:
-    """Write a latch, on disk before this returns. One that is there already is replaced.
+    """Write a latch, on disk before this returns; an existing one is replaced.
 
     Args:
         path: where it is.
         latch: what is written down.
-        alone: whether only this user and root can clear it; of a latch that is there already that stays as it is.
+        alone: whether only this user and root can clear it; for an existing latch this stays as it is.
 
     Raises:
         Refused: if the folder cannot be used.
@@ -127,13 +127,13 @@ def write(path: Path, latch: Latch, *, alone: bool = False) -> None:
 
 
 def write_whole(path: Path, data: bytes, mode: int, *, lasting: bool = True) -> None:
-    """Write a file that is this user's in a folder for all; a link is not followed.
+    """Write a file of this user's in a shared folder; a link is not followed.
 
     Args:
         path: where it is.
-        data: all that is in it then.
+        data: its whole content.
         mode: of a file that is new, or was empty; the sticky bit is added, so that it does not age.
-        lasting: whether it is on disk before this returns.
+        lasting: whether it must be on disk before this returns.
 
     Raises:
         OSError: if it cannot be written.
@@ -154,7 +154,7 @@ def write_whole(path: Path, data: bytes, mode: int, *, lasting: bool = True) -> 
 
 
 def read(path: Path) -> Latch | None:
-    """Return the latch, None where there is none."""
+    """Return the latch, None if there is none."""
     try:
         file = os.open(path, os.O_RDONLY | _FLAGS)
     except FileNotFoundError:
@@ -169,11 +169,11 @@ def read(path: Path) -> Latch | None:
         return _unreadable(path, str(error.strerror))
     finally:
         os.close(file)
-    return _told(path, data) if data else None
+    return _parsed(path, data) if data else None
 
 
 def clear(path: Path) -> None:
-    """Remove the latch; nothing happens where there is none.
+    """Remove the latch, if there is one.
 
     Raises:
         Refused: if it cannot be removed.
@@ -194,7 +194,7 @@ def clear(path: Path) -> None:
 
 
 def may_clear(path: Path) -> bool:
-    """Return whether this user can clear a latch; one that is gone is in nobody's way."""
+    """Return whether this user can clear a latch; True if it is gone."""
     try:
         mine = path.lstat().st_uid == os.geteuid()
     except OSError:
@@ -235,11 +235,11 @@ def _sync(folder: Path) -> None:
         os.close(file)
 
 
-def _told(path: Path, data: bytes) -> Latch:
+def _parsed(path: Path, data: bytes) -> Latch:
     try:
-        told = json.loads(data)
-        words = {name: str(told[name]) for name in ("bench", "run", "why", "since")}
-        return Latch(**words, outputs=tuple(str(each) for each in told["outputs"]))
+        fields = json.loads(data)
+        words = {name: str(fields[name]) for name in ("bench", "run", "why", "since")}
+        return Latch(**words, outputs=tuple(str(each) for each in fields["outputs"]))
     except (ValueError, KeyError, TypeError):
         return _unreadable(path, "it is damaged")
 

@@ -14,7 +14,7 @@ from hil.model.serial_line import Rs485, SerialLine
 __all__ = ["LONGEST_SETTLING", "every_exchange", "read_plan", "seconds_of", "written_plan"]
 
 LONGEST_SETTLING = 6
-"""How many times the instrument's limit a line is listened to, at most, until it is silent for once that limit."""
+"""Longest wait for a line to be silent for the instrument's limit, as a multiple of that limit."""
 
 
 def written_plan(plan: GuardPlan) -> bytes:
@@ -26,19 +26,19 @@ def read_plan(data: bytes) -> GuardPlan:
     """Return the plan from its JSON.
 
     Raises:
-        ValueError: if it is not a plan, names a port that it does not have, or expects an invalid regular expression.
+        ValueError: if it is not a plan, names an unknown port, or expects an invalid regular expression.
         KeyError, TypeError: if a field is missing or unknown.
     """
-    told = json.loads(data)
+    fields = json.loads(data)
     plan = GuardPlan(
-        bench=told["bench"],
-        run=told["run"],
-        ports=tuple(_port(port) for port in told["ports"]),
-        outputs=tuple(_output(output) for output in told["outputs"]),
-        cut=tuple(CutOutput(**{**cut, "cut_by": tuple(cut["cut_by"])}) for cut in told["cut"]),
-        hang_s=told["hang_s"],
-        latches=tuple(told["latches"]),
-        journal=told["journal"],
+        bench=fields["bench"],
+        run=fields["run"],
+        ports=tuple(_port(port) for port in fields["ports"]),
+        outputs=tuple(_output(output) for output in fields["outputs"]),
+        cut=tuple(CutOutput(**{**cut, "cut_by": tuple(cut["cut_by"])}) for cut in fields["cut"]),
+        hang_s=fields["hang_s"],
+        latches=tuple(fields["latches"]),
+        journal=fields["journal"],
     )
     devices, proven = {port.device for port in plan.ports}, {output.output for output in plan.outputs}
     for each in plan.cut:
@@ -58,31 +58,31 @@ def every_exchange(code: SafeBytes) -> tuple[Exchange, ...]:
 
 
 def seconds_of(code: SafeBytes) -> float:
-    """Return the longest time that all exchanges may take [s]: no silence, bytes not taken, and no reply."""
+    """Return the longest time that all exchanges may take [s]: line never silent, bytes not taken, no reply."""
     return LONGEST_SETTLING * code.owed_s + sum(each.quiet_s + 3 * each.within_s for each in every_exchange(code))
 
 
-def _port(told: Mapping[str, Any]) -> GuardedPort:
-    line = told["line"]
+def _port(fields: Mapping[str, Any]) -> GuardedPort:
+    line = fields["line"]
     rs485 = None if line["rs485"] is None else Rs485(**line["rs485"])
-    return GuardedPort(**{**told, "line": SerialLine(**{**line, "rs485": rs485})})
+    return GuardedPort(**{**fields, "line": SerialLine(**{**line, "rs485": rs485})})
 
 
-def _output(told: Mapping[str, Any]) -> GuardedOutput:
-    code = {part: tuple(_exchange(each) for each in told["code"][part]) for part in ("resync", "off", "proof")}
-    who = told["code"]["who"]
+def _output(fields: Mapping[str, Any]) -> GuardedOutput:
+    code = {part: tuple(_exchange(each) for each in fields["code"][part]) for part in ("resync", "off", "proof")}
+    who = fields["code"]["who"]
     asked = None if who is None else _exchange(who)
-    safe = SafeBytes(**code, owed_s=told["code"]["owed_s"], talks=told["code"]["talks"], who=asked)
-    return GuardedOutput(**{**told, "code": safe, "cut_by": tuple(told["cut_by"])})
+    safe = SafeBytes(**code, owed_s=fields["code"]["owed_s"], talks=fields["code"]["talks"], who=asked)
+    return GuardedOutput(**{**fields, "code": safe, "cut_by": tuple(fields["cut_by"])})
 
 
-def _exchange(told: Mapping[str, Any]) -> Exchange:
-    between = told["between"]
+def _exchange(fields: Mapping[str, Any]) -> Exchange:
+    between = fields["between"]
     return Exchange(
-        send=bytes.fromhex(told["send"]),
-        expect=bytes.fromhex(told["expect"]),
-        within_s=told["within_s"],
-        quiet_s=told["quiet_s"],
+        send=bytes.fromhex(fields["send"]),
+        expect=bytes.fromhex(fields["expect"]),
+        within_s=fields["within_s"],
+        quiet_s=fields["quiet_s"],
         between=None if between is None else (between[0], between[1]),
     )
 

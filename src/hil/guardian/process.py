@@ -1,4 +1,4 @@
-"""The guardian's process: it answers the executive, watches it, and responds once when it fails."""
+"""The guardian's process: answers the executive, watches it, and responds once when it fails."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _STANDARD_ERROR = 2
 
 
 class _Ended(Exception):
-    """The executive is dead, or does not do what it has to."""
+    """The executive is dead, or does not do what it must."""
 
 
 class Guard:
@@ -64,17 +64,17 @@ class Guard:
     def serve(self) -> bool:
         """Serve until the executive leaves or fails; return whether all outputs are safe, as far as is known.
 
-        An executive that leaves in order is not killed, even with outputs unproven: it has released its ports. Nor is
+        An executive that leaves properly is not killed, even with outputs unproven: it has released its ports. Nor is
         it killed when the guardian itself fails: its next beat reports that.
         """
         kill = False
         try:
-            self._tell("ready")
+            self._send("ready")
             while not self._left:
                 self._turn()
             why = "the executive left without having proven its outputs safe" if self._watching else ""
         except (_Ended, HungUp) as ended:
-            why = "" if self._disarmed else self._told(ended)
+            why = "" if self._disarmed else self._why_ended(ended)
             kill = True
         except Exception as error:  # noqa: BLE001 - a guardian that fails makes the bench safe before it exits
             why = f"the guardian itself failed: {error!r}" if self._watching else ""
@@ -84,16 +84,16 @@ class Guard:
         return response.act(why, kill=kill)
 
     def _have_acted(self, unproven: tuple[str, ...]) -> None:
-        """Tell the executive, if it is there; who stays says nothing more, for whoever reads that waits for its end."""
+        """Report to the executive, if it is there; if staying, close standard error, whose reader awaits its end."""
         if unproven:
             _fall_silent()
         with suppress(HungUp):
-            self._tell("acted", unproven=unproven)
+            self._send("acted", unproven=unproven)
 
     def _turn(self) -> None:
         self._poll.poll((self._watchdog.next_s() if self._watching else _IDLE_S) * 1000)
-        for told in self._messages():
-            self._answer(told)
+        for message in self._messages():
+            self._answer(message)
         self._look_for_death()
         if self._watching and (why := self._watchdog.why()):
             raise _Ended(why)
@@ -105,57 +105,57 @@ class Guard:
                 return
             yield packet[0]
 
-    def _answer(self, told: dict[str, Any]) -> None:
+    def _answer(self, message: dict[str, Any]) -> None:
         """Do what the executive asks for.
 
         Raises:
             KeyError: if the request is unknown.
         """
         answers: dict[str, Callable[[dict[str, Any]], None]] = {
-            "beat": self._hear_beat,
+            "beat": self._take_beat,
             "drill": self._drill,
             "watch": self._watch,
             "disarm": self._disarm,
             "leave": self._leave,
         }
-        answers[told["kind"]](told)
+        answers[message["kind"]](message)
 
-    def _hear_beat(self, told: dict[str, Any]) -> None:
-        self._watchdog.beat(told["fresh_until"])
-        self._tell("heard", number=told["number"])
+    def _take_beat(self, message: dict[str, Any]) -> None:
+        self._watchdog.beat(message["fresh_until"])
+        self._send("heard", number=message["number"])
 
-    def _drill(self, _told: dict[str, Any]) -> None:
+    def _drill(self, _message: dict[str, Any]) -> None:
         self._outputs.begin(reopen=False)
         self._report(self._outputs.drill)
-        self._tell_result(self._drill_heartbeat())
+        self._send_result(self._drill_heartbeat())
         self._watchdog.restart()
-        self._tell("done")
+        self._send("done")
 
-    def _watch(self, _told: dict[str, Any]) -> None:
+    def _watch(self, _message: dict[str, Any]) -> None:
         self._watchdog.restart()
         self._watching, self._disarmed = True, False
-        self._tell("watching")
+        self._send("watching")
 
-    def _disarm(self, _told: dict[str, Any]) -> None:
+    def _disarm(self, _message: dict[str, Any]) -> None:
         self._outputs.begin(reopen=True)
         if self._report(self._outputs.prove):
             self._watching, self._disarmed = False, True
         self._watchdog.restart()
-        self._tell("done")
+        self._send("done")
 
-    def _leave(self, _told: dict[str, Any]) -> None:
+    def _leave(self, _message: dict[str, Any]) -> None:
         self._left = True
 
     def _drill_heartbeat(self) -> DrillResult:
-        """Let the executive beat, then be silent, and see when its silence would make the guardian act."""
+        """Let the executive beat, then be silent, and measure when its silence would make the guardian act."""
         watchdog, heard = Watchdog(self._plan.hang_s), 0
-        self._tell("beats")
+        self._send("beats")
         while not watchdog.why():
             self._poll.poll(watchdog.next_s() * 1000)
-            for told in self._messages():
+            for message in self._messages():
                 watchdog.beat(math.inf)
                 heard += 1
-                self._tell("heard", number=told["number"])
+                self._send("heard", number=message["number"])
             self._look_for_death()
         silent_s = watchdog.silent_s
         ok = heard > 0 and self._plan.hang_s <= silent_s < self._plan.hang_s + _LATE_S
@@ -166,20 +166,20 @@ class Guard:
         results = []
         for each in self._plan.outputs:
             results.append(ask(each))
-            self._tell_result(results[-1])
+            self._send_result(results[-1])
         safe = {result.output for result in results if result.ok}
         for cut in self._plan.cut:
             by = [each for each in cut.cut_by if each in safe]
             said = f"cut off by {by[0]}, which is proven safe" if by else f"not cut off by {', '.join(cut.cut_by)}"
             results.append(DrillResult(output=cut.output, ok=bool(by), detail=said, seconds=0.0))
-            self._tell_result(results[-1])
+            self._send_result(results[-1])
         return all(result.ok for result in results)
 
-    def _tell_result(self, result: DrillResult) -> None:
-        self._tell("result", output=result.output, ok=result.ok, detail=result.detail, seconds=result.seconds)
+    def _send_result(self, result: DrillResult) -> None:
+        self._send("result", output=result.output, ok=result.ok, detail=result.detail, seconds=result.seconds)
 
-    def _tell(self, kind: str, **told: object) -> None:
-        channel.send(self._end, kind, **told)  # a stopped executive does not read; do not wait for it
+    def _send(self, kind: str, **fields: object) -> None:
+        channel.send(self._end, kind, **fields)  # a stopped executive does not read; do not wait for it
 
     def _look(self) -> None:
         """Notice the executive's death during other work."""
@@ -191,7 +191,7 @@ class Guard:
         if _is_dead(self._executive, 0):
             raise _Ended("the executive died")
 
-    def _told(self, ended: Exception) -> str:
+    def _why_ended(self, ended: Exception) -> str:
         if isinstance(ended, _Ended):
             return str(ended)
         dead = _is_dead(self._executive, _FOR_DEATH_MS)
@@ -199,7 +199,7 @@ class Guard:
 
 
 def main(arguments: Sequence[str]) -> None:
-    """Run the guardian on its end of the channel and end the process, without exit handlers."""
+    """Run the guardian on its end of the channel, then end the process without exit handlers."""
     try:
         end = socket.socket(fileno=int(arguments[0]))
     except (IndexError, ValueError, OSError):
@@ -209,7 +209,7 @@ def main(arguments: Sequence[str]) -> None:
     os.chdir("/")
     try:
         guard = _received(end)
-    except Exception as error:  # noqa: BLE001 - the executive is told; nothing was driven yet
+    except Exception as error:  # noqa: BLE001 - reported to the executive; nothing was driven yet
         with suppress(HungUp):
             channel.send(end, "refused", why=str(error) or repr(error))
         os._exit(2)

@@ -28,14 +28,14 @@ T = TypeVar("T")
 
 
 class Response:
-    """Responds once. It ends when everything is proven safe, or when a person has acknowledged the latch.
+    """One response. It ends when everything is proven safe, or when a person has acknowledged the latch.
 
     Args:
         plan: what is guarded.
         outputs: what makes the outputs safe.
-        log: takes down what is done.
+        log: records what is done.
         executive: descriptor of the executive's process.
-        acted: called once, when the first tries are over and written down, with the outputs that are not proven safe.
+        acted: called once, after the first tries are over and logged, with the outputs that are not proven safe.
     """
 
     def __init__(
@@ -59,7 +59,7 @@ class Response:
     def act(self, why: str, *, kill: bool) -> bool:
         """Make every output safe, `kill` the executive, latch the bench; return whether all are safe or cut off.
 
-        A step that fails does not keep the next ones from being taken.
+        A step that fails does not prevent the next ones.
         """
         self._why, self._since = why, utc_now()
         began = time.monotonic()
@@ -78,33 +78,33 @@ class Response:
         return not self._unproven()
 
     def _go_on(self, began: float, *, killed: bool) -> None:
-        """Try again until everything is proven safe or somebody has acknowledged; what is written does not grow.
+        """Retry until everything is proven safe or somebody has acknowledged; the log does not grow.
 
         Args:
             began: when the response began.
-            killed: whether the executive was to end. Else it may seal the run's folder once `acted` was called.
+            killed: whether the executive was killed. If not, it may seal the run's folder once `acted` was called.
         """
-        tried = told = False
+        tried = concluded = False
         while unproven := self._unproven() or (tried and self._proven_at_once()):
-            if not told and time.monotonic() > self._until(began):
-                told = True
+            if not concluded and time.monotonic() > self._until(began):
+                concluded = True
                 self._log.note("trying", unproven=unproven, pid=os.getpid())
                 self._conclude()
                 if not killed:
                     self._log.wait_for(self._executive)
-            if told and self._log.is_acknowledged():
+            if concluded and self._log.is_acknowledged():
                 return
             tried = True
             time.sleep(_LOOK_S)
             self._step(self._try_again)
         self._log.note("done", unproven=(), proven=self._plan.names)
-        if told:
+        if concluded:
             self._write_down()
         else:
             self._conclude()
 
     def _conclude(self) -> None:
-        """Say how the first tries ended, with everything on the disk."""
+        """Report how the first tries ended, once everything is on disk."""
         self._step(self._log.save)
         self._log.say(self._why, self._end())
         self._step(lambda: self._acted(self._unproven()))
@@ -131,7 +131,7 @@ class Response:
         self._log.note("executive ended", ok=bool(poll.poll(_FOR_DEATH_MS)))
 
     def _round(self) -> bool:
-        """Make everything safe and prove it; return whether the state of one changed."""
+        """Make everything safe and prove it; return whether the state of any output changed."""
         return self._take(self._outputs.round())
 
     def _proven_at_once(self) -> tuple[str, ...]:
@@ -146,7 +146,7 @@ class Response:
             self._write_down()
 
     def _take(self, proofs: Mapping[str, Outcome]) -> bool:
-        """Note what changed, in words only so many times; return whether anything did."""
+        """Note what changed, in words only a limited number of times; return whether anything did."""
         self._proofs.update(proofs)
         now = state_of(self._plan.outputs, self._proofs, self._plan.cut)
         changes = {output: said for output, said in now.items() if self._states.get(output) != said}
@@ -182,27 +182,27 @@ class Response:
 def state_of(
     outputs: Sequence[GuardedOutput], proofs: Mapping[str, Outcome], cut: Sequence[CutOutput] = ()
 ) -> dict[str, str]:
-    """Return for every output that it is safe, that it is cut off by one that is safe, or what is wrong with it.
+    """Return the state of every output: safe, cut off by one that is safe, or what is wrong with it.
 
     A cut-off counts only where the output's own port is gone or silent, or no bytes lead to it: an instrument that
     answers and is not safe is not safe.
     """
     safe = {output for output, proof in proofs.items() if proof.ok}
-    told = {}
+    states = {}
     for each in outputs:
         proof = proofs.get(each.output, _NOT_ASKED)
         by = [other for other in each.cut_by if other in safe]
         if proof.ok:
-            told[each.output] = _SAFE
+            states[each.output] = _SAFE
         elif proof.silent and by:
-            told[each.output] = f"cut off by {by[0]}, which is safe; {proof.detail}"
+            states[each.output] = f"cut off by {by[0]}, which is safe; {proof.detail}"
         else:
-            told[each.output] = f"not proven: {proof.detail}"
+            states[each.output] = f"not proven: {proof.detail}"
     for one in cut:
         by = [other for other in one.cut_by if other in safe]
         end = f"cut off by {by[0]}, which is safe" if by else f"not proven: not cut off by {', '.join(one.cut_by)}"
-        told[one.output] = f"{end}; it {one.why}"
-    return told
+        states[one.output] = f"{end}; it {one.why}"
+    return states
 
 
 def _is_safe(said: str) -> bool:

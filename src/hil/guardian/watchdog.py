@@ -15,7 +15,7 @@ _MOST_LOOK_S = 0.1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Clocks:
-    """Where time is read.
+    """The clocks of the watchdog.
 
     Attributes:
         boot: seconds since boot, suspend included.
@@ -30,7 +30,7 @@ class Watchdog:
     """Watches the executive's beats.
 
     Args:
-        hang_s: the longest silence that is allowed [s].
+        hang_s: the longest silence allowed [s].
         clocks: where time is read.
     """
 
@@ -43,14 +43,14 @@ class Watchdog:
         self.restart()
 
     def restart(self) -> None:
-        """Count from now, at the start and after the executive had to wait."""
+        """Restart the timeout: at the start, and after the executive had to wait."""
         now = self._clocks.boot()
         self._beat = now
         self._fresh_until = now + self._hang_s
         self._suspended = now - self._clocks.awake()
 
     def beat(self, fresh_until: float) -> None:
-        """Take a beat, and the time up to which the executive's knowledge of its bench is valid."""
+        """Take a beat, with the time until which the executive's last check of its bench is valid."""
         self._beat = self._clocks.boot()
         self._fresh_until = fresh_until
 

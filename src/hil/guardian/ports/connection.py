@@ -1,4 +1,4 @@
-"""Connections over TCP that notice soon when nobody is at their other end any more."""
+"""TCP connections that detect a dead peer within seconds."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ _UNANSWERED_MS = 4000
 
 
 def connected(host: str, port: int, seconds: float) -> socket.socket:
-    """Return a connection.
+    """Open a connection.
 
     Args:
-        host: its name or address, that of IPv6 also in brackets.
+        host: name or address of the host; IPv6 addresses also in brackets.
         port: its port.
-        seconds: how long that may take.
+        seconds: the timeout.
 
     Raises:
         OSError: if that fails.
@@ -30,10 +30,10 @@ def connected(host: str, port: int, seconds: float) -> socket.socket:
 
 
 def notice_its_end(descriptor: int) -> None:
-    """Let a connection send without delay, and end within some five seconds once nothing answers at its other end.
+    """Let a connection send without delay, and end within some five seconds once its peer no longer answers.
 
-    Without that an instrument that lost its power, or a pulled cable, looks like one that has nothing to say: the
-    system asks after two hours at first. The options belong to the connection, whoever has its descriptor.
+    Otherwise an instrument that lost power, or a pulled cable, looks like one that has nothing to say: the system
+    first probes after two hours. The options belong to the connection, whoever has its descriptor.
     """
     with socket.socket(fileno=os.dup(descriptor)) as connection:
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)

@@ -1,4 +1,4 @@
-"""Exchanges on a line: silence, bytes, and the reply among other traffic."""
+"""Exchanges on a line: wait for silence, send bytes, find the reply among other traffic."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ _SHOWN = 60
 
 
 class Patience:
-    """Seconds that several exchanges together may wait in vain; unlimited without a number."""
+    """Budget of seconds that several exchanges together may wait in vain; unlimited by default."""
 
     def __init__(self, seconds: float = math.inf) -> None:
         self._left = seconds
 
     def of(self, seconds: float) -> float:
-        """Return how many of these seconds may be waited."""
+        """Return how many of these seconds may still be waited."""
         return min(seconds, max(self._left, 0.0))
 
     def spent(self, seconds: float) -> None:
@@ -33,11 +33,11 @@ class Patience:
 
 
 class Dialogue:
-    """Exchanges on one line, on which others have talked before.
+    """Exchanges on one line that others have used before.
 
     A reply seldom says which question it answers. Instruments answer in order, and each reply comes within the
-    instrument's limit. So once a line has been silent for that limit nothing is owed, and the reply to a question that
-    is asked then is the next one that comes. Whenever a reply did not come as expected, the line is listened to again.
+    instrument's limit. So once a line has been silent for that limit no reply is outstanding, and the reply to
+    the next question is the next one that comes. If a reply does not come as expected, silence is awaited again.
 
     Attributes:
         heard_anything: whether a byte came since the last `begin`.
@@ -58,24 +58,24 @@ class Dialogue:
         """Resynchronise with the instrument, whose state is unknown."""
         self._in_step, self._mute = None, ""
         self.heard_anything = False
-        self._come_in_step(code, patience)
+        self._ensure_in_step(code, patience)
 
     def off(self, code: SafeBytes, patience: Patience) -> str:
         """Send all commands, whatever the replies are; return what went wrong."""
-        self._come_in_step(code, patience)
+        self._ensure_in_step(code, patience)
         wrong = [what for each in code.off if (what := self.make(each, patience))]
         if wrong:
             self._in_step = None
         return "; ".join(wrong)
 
     def prove(self, code: SafeBytes) -> str:
-        """Ask whether the output is safe, once nothing is owed any more; return what is not as it must be.
+        """Query whether the output is safe, once no reply is outstanding; return what is not as it must be.
 
-        Where nothing came since `begin`, and a question was asked in vain, none is asked again.
+        If nothing came since `begin`, and one question went unanswered, no further one is asked.
         """
         if self._mute and not self.heard_anything:
             return self._mute
-        self._come_in_step(code, Patience())
+        self._ensure_in_step(code, Patience())
         for each in code.proof:
             if wrong := self._settled(code) or self.make(each, Patience()):
                 self._in_step = None
@@ -84,13 +84,13 @@ class Dialogue:
         return ""
 
     def settle(self, code: SafeBytes) -> str:
-        """Wait until nothing is owed any more, and forget what came; return why nobody can tell, if so."""
+        """Wait until no reply is outstanding, and discard what came; return why that cannot be known, if so."""
         wrong = self._settled(code)
         self._forget()
         return wrong
 
     def told(self, question: Exchange) -> bytes:
-        """Ask a question and return what the groups of its reply hold, or all of it; empty if none came as expected."""
+        """Ask a question and return the groups of its reply, or all of it; empty if it did not come as expected."""
         if self.make(question, Patience()):
             return b""
         if self._groups:
@@ -102,9 +102,9 @@ class Dialogue:
         return came
 
     def resync(self, exchanges: Iterable[Exchange], patience: Patience) -> None:
-        """Resynchronise with the instrument, and forget what came.
+        """Resynchronise with the instrument, and discard what came.
 
-        The line's past is unknown, so silence counts from now, and a reply may be owed.
+        The line's past is unknown, so silence counts from now, and a reply may be outstanding.
         """
         self.line.busy_until = max(self.line.busy_until, self.line.now())
         for each in exchanges:
@@ -112,13 +112,13 @@ class Dialogue:
         self._forget()
         self._owes, self._asked = True, max(self._asked, self.line.busy_until)
 
-    def _come_in_step(self, code: SafeBytes, patience: Patience) -> None:
+    def _ensure_in_step(self, code: SafeBytes, patience: Patience) -> None:
         if self._in_step != code.resync:
             self.resync(code.resync, patience)
             self._in_step = code.resync
 
     def _settled(self, code: SafeBytes) -> str:
-        """Let everything come that may be owed; return why nobody can tell whether it has, if so."""
+        """Wait for every outstanding reply; return why it cannot be known whether it has come, if so."""
         give_up = self.line.now() + LONGEST_SETTLING * code.owed_s
         while self._owes and (until := self._owed_since(code) + code.owed_s) > self.line.now():
             if self.line.now() >= give_up:

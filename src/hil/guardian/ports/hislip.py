@@ -12,7 +12,7 @@ from hil.guardian.ports.connection import connected
 __all__ = ["HISLIP_PORT", "HiSlip"]
 
 HISLIP_PORT = 4880
-"""Where servers listen that do not say another one."""
+"""The port on which servers listen by default."""
 
 _HEADER = struct.Struct(">2sBBIQ")  # IVI-6.1, section 2.4: prologue, type, control code, parameter, length
 _INITIALIZE, _INITIALIZED, _FATAL, _ERROR, _DATA, _DATA_END = 0, 1, 2, 3, 6, 7
@@ -65,7 +65,7 @@ class HiSlip:
         self._number = (self._number + 2) & 0xFFFF_FFFF
 
     def receive(self, seconds: float) -> bytes:
-        """Fetch the reply to the last message, empty if none comes in that time; older replies are passed over."""
+        """Fetch the reply to the last message, empty if none comes in that time; older replies are skipped."""
         until, reply = time.monotonic() + seconds, b""
         while True:
             try:
@@ -83,7 +83,7 @@ class HiSlip:
                 reply = b""
 
     def clear(self, seconds: float) -> None:
-        """Clear the instrument, and begin to count again; IVI-6.1, section 6.12."""
+        """Clear the instrument, and restart the message count; IVI-6.1, section 6.12."""
         until = time.monotonic() + seconds
         if self._async is None:
             raise OSError(errno.ENOTCONN, "it is closed")
@@ -105,10 +105,10 @@ def _send(connection: socket.socket, kind: int, control: int, parameter: int, pa
 
 
 def _expected(connection: socket.socket, kind: int, until: float) -> tuple[int, int, bytes]:
-    """Return control code, parameter and payload of the next message of a kind; others are passed over.
+    """Return control code, parameter and payload of the next message of a kind; others are skipped.
 
     Raises:
-        OSError: if another end is told, or none comes in time.
+        OSError: if the server reports an error, or none comes in time.
     """
     while True:
         found, control, parameter, payload = _message(connection, until)

@@ -1,10 +1,10 @@
-"""Vendors' drivers, each in a process of its own: a line of JSON calls an operation, another one tells the result.
+"""Vendors' drivers, each in a process of its own: one line of JSON calls an operation, another returns its result.
 
-The process outlives whoever started it, as an instrument does, and listens as long as somebody has the other end of its
-connection: the run, and the guardian with a copy of it. So what the guardian sends is done also where the run hangs or
-is dead, and neither of them has to load what the vendor wrote. This file is the program, too.
+Like an instrument, the process outlives whoever started it, and listens as long as anyone has the other end of its
+connection: the run, and the guardian with a copy of it. So the guardian's commands are executed even if the run hangs
+or is dead, and neither of them has to load the vendor's code. This file is also the program.
 
-Which files its code was executed from, it writes into a file that only the run looks into: what is asked over the
+It writes the files from which its code was executed into a file that only the run reads: what is asked over the
 connection is recorded, and a replay would have to ask it again.
 """
 
@@ -32,7 +32,7 @@ _FILES = 3
 """The descriptor to which the process writes each file that it has executed code from, a line of JSON each."""
 
 _written: list[int] = []
-"""Descriptors of what the processes wrote that were started here."""
+"""Descriptors of the files written by the processes that were started here."""
 
 
 def files_executed() -> list[str]:
@@ -48,7 +48,7 @@ def connected_to(url: str) -> int:
     """Start the process of a vendor's driver, and return the descriptor of its connection.
 
     Args:
-        url: `hosted://module:name/place`: what makes the object, and what it is given.
+        url: `hosted://module:name/place`: what makes the object, and its argument.
 
     Raises:
         OSError: if it does not start, or the vendor's driver cannot open the instrument.
@@ -77,65 +77,65 @@ def connected_to(url: str) -> int:
             if not came:
                 break
             said += came
-        told = json.loads(said or b'{"error":"its process ended"}')
+        outcome = json.loads(said or b'{"error":"its process ended"}')
     except OSError as error:
         mine.close()
         raise OSError(errno.ETIMEDOUT, f"{made_by} has not opened it after {_STARTS_S:g} s") from error
-    if "error" in told:
+    if "error" in outcome:
         mine.close()
-        raise OSError(errno.EIO, f"{made_by}: {told['error']}")
+        raise OSError(errno.EIO, f"{made_by}: {outcome['error']}")
     mine.settimeout(None)
     return mine.detach()
 
 
 def main(made_by: str, place: str) -> None:
-    """Make the object and serve it until nobody has the other end any more; the outputs stay as they are then."""
-    tell_files = _teller_of_files()
+    """Make the object and serve it until nobody has the other end any more; the outputs then stay as they are."""
+    report_files = _file_reporter()
     descriptor = os.dup(0)
-    os.dup2(1, 0)  # what the vendor's code reads or prints is no part of this
+    os.dup2(1, 0)  # keep what the vendor's code reads or prints off the connection
     for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(each, signal.SIG_IGN)  # it ends with those whom it serves
+        signal.signal(each, signal.SIG_IGN)  # it ends with its clients
     with socket.socket(fileno=descriptor) as connection, contextlib.suppress(OSError):
         module, _, name = made_by.partition(":")
         try:
             made = getattr(importlib.import_module(module), name)(place)
-            tell_files()
-        except Exception as error:  # noqa: BLE001 - whatever the vendor's driver raises is told
-            connection.sendall(_line({"error": _told(error)}))
+            report_files()
+        except Exception as error:  # noqa: BLE001 - whatever the vendor's driver raises is reported
+            connection.sendall(_line({"error": _described(error)}))
             return
         connection.sendall(_line({"ready": True}))
         for line in _lines(connection):
             if reply := _answer(made, line):
-                tell_files()
+                report_files()
                 connection.sendall(_line(reply))
         with contextlib.suppress(Exception):
             made.close()
 
 
-def _teller_of_files() -> Callable[[], None]:
-    """Return what writes down the files from which code was executed, and of loaded modules, that are new."""
+def _file_reporter() -> Callable[[], None]:
+    """Return a function that writes down new files: those of loaded modules, and those from which code was executed."""
     heard: set[str] = {__file__}
-    told: set[str] = set()
+    written: set[str] = set()
     seen = (0, 0)
 
     def hear(event: str, arguments: tuple[object, ...]) -> None:
         if event == "exec" and isinstance(arguments[0], CodeType):
             heard.add(arguments[0].co_filename)
 
-    def tell() -> None:
+    def report() -> None:
         nonlocal seen
         before, seen = seen, (len(heard), len(sys.modules))
         if seen == before:
             return
         loaded = {getattr(each, "__file__", None) for each in list(sys.modules.values())}
         files = {each for each in loaded | heard if isinstance(each, str) and os.path.isabs(each)}  # noqa: PTH117
-        lines = [json.dumps(each) + "\n" for each in sorted(files - told)]
-        told.update(files)
+        lines = [json.dumps(each) + "\n" for each in sorted(files - written)]
+        written.update(files)
         if lines:
             os.write(_FILES, "".join(lines).encode())
 
     sys.addaudithook(hear)
-    return tell
+    return report
 
 
 def _lines(connection: socket.socket) -> Iterator[bytes]:
@@ -146,7 +146,7 @@ def _lines(connection: socket.socket) -> Iterator[bytes]:
 
 
 def _answer(made: Any, line: bytes) -> dict[str, object]:  # noqa: ANN401 - the vendor's
-    """Do what a line asks for; half a line, which another one ended, is passed over."""
+    """Do what a line asks for; a fragment of a line, ended by another one, is skipped."""
     try:
         asked = json.loads(line)
         number, name = asked["number"], asked["call"]
@@ -157,17 +157,17 @@ def _answer(made: Any, line: bytes) -> dict[str, object]:  # noqa: ANN401 - the 
         on = made.channel(channel) if channel else made
         return {"number": number, "result": _plain(getattr(on, name)(**arguments))}
     except (TimeoutError, ConnectionError) as error:
-        return {"number": number, "silent": _told(error)}
-    except Exception as error:  # noqa: BLE001 - whatever the vendor's driver raises is told
-        return {"number": number, "error": _told(error)}
+        return {"number": number, "silent": _described(error)}
+    except Exception as error:  # noqa: BLE001 - whatever the vendor's driver raises is reported
+        return {"number": number, "error": _described(error)}
 
 
-def _told(error: BaseException) -> str:
+def _described(error: BaseException) -> str:
     return " ".join(f"{type(error).__name__}: {error}".split())
 
 
 def _plain(value: Any) -> Any:  # noqa: ANN401 - whatever the vendor's driver returns
-    """Return a result as JSON has it: a number that is none is null."""
+    """Return a result as JSON has it: NaN and infinity become null."""
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     if isinstance(value, dict):

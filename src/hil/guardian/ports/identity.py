@@ -1,4 +1,4 @@
-"""Which USB device a terminal belongs to: after a replug, another device may have its name."""
+"""Identity of the USB device behind a terminal: after a replug, another device may have its name."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ _TERMINALS = Path("/sys/class/tty")
 def identity_of(what: int | str, system: Path = _SYSTEM) -> Identity | None:
     """Return vendor, product and serial number of the USB device behind a terminal; None where there is none.
 
-    A device without a serial number is identified by its USB socket. Of an adapter with several ports, the interface
-    and the number of the port belong to it.
+    A device without a serial number is identified by its USB socket. For an adapter with several ports, interface
+    and port number are part of the identity.
 
     Args:
-        what: a descriptor or a path; it is not opened.
+        what: a descriptor, or a path, which is not opened.
         system: where the kernel lists its devices.
 
     Raises:
@@ -45,16 +45,16 @@ def identity_of(what: int | str, system: Path = _SYSTEM) -> Identity | None:
 
 
 def found(expected: Identity, path: str, others: Iterable[str] | None = None, system: Path = _SYSTEM) -> str:
-    """Return where a device is now that was at a path: there, or under the one other name that is its own.
+    """Return the present path of a device that was at a path: the same, or the one other name that it has.
 
     Args:
         expected: its identity.
         path: where it was.
-        others: paths where it may be; those of all terminals where None.
+        others: paths where it may be; those of all terminals if None.
         system: where the kernel lists its devices.
 
     Raises:
-        OSError: if it is nowhere, or at more than one place.
+        OSError: if it is nowhere, or in more than one place.
     """
     if (there := _identity_at(path, system)) == expected:
         return path

@@ -1,7 +1,7 @@
-"""One port by its descriptor: bytes out and in up to a deadline, and never an endless wait.
+"""One port by its descriptor: bytes out and in, each with a deadline, and never an endless wait.
 
 The executive shares the descriptor. What belongs to the open file (flags, a terminal's settings) stays as it is; a
-call that could block is polled for first, and asks for little.
+call that could block is preceded by a poll, and asks for little.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ class Gone(Exception):
 
 
 class Interrupted(Exception):
-    """The port is needed for something more urgent."""
+    """A wait was ended: the port is needed for something more urgent."""
 
 
 class Line:
@@ -37,7 +37,7 @@ class Line:
         interrupt: ends any wait when it is set.
 
     Attributes:
-        busy_until: when the last byte went or came, on the monotonic clock [s].
+        busy_until: when the last byte was sent or received, on the monotonic clock [s].
     """
 
     def __init__(self, descriptor: int, baud: int = 0, interrupt: Event | None = None) -> None:
@@ -50,7 +50,7 @@ class Line:
         self.busy_until = time.monotonic()
 
     def now(self) -> float:
-        """Return the time on the clock of deadlines [s]."""
+        """Return the time on the clock used for deadlines [s]."""
         return time.monotonic()
 
     def hear(self, until: float) -> bytes:

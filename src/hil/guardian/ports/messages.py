@@ -1,4 +1,4 @@
-"""Ports that carry messages (USBTMC, HiSLIP, VXI-11), as lines: a reply is fetched where a question was sent."""
+"""Message-based ports (USBTMC, HiSLIP, VXI-11) as lines: a reply is fetched only after a question was sent."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _Result = TypeVar("_Result")
 
 
 class Messenger(Protocol):
-    """One way to pass whole messages. What fails for good is an OSError.
+    """One way to pass whole messages. A permanent failure is an OSError.
 
     Attributes:
         descriptor: of the file or connection that shows whether the port is there.
@@ -33,7 +33,7 @@ class Messenger(Protocol):
         ...
 
     def clear(self, seconds: float) -> None:
-        """Let the instrument forget what it has received, and what it was going to say.
+        """Clear the instrument's input and output buffers.
 
         Raises:
             OSError: with EOPNOTSUPP if it cannot do that.
@@ -48,10 +48,10 @@ class Messenger(Protocol):
 class MessageLine(Line):
     """A port that carries messages, with the interface of a line.
 
-    An instrument may be read only after a question; reading it otherwise is an error of its own, which some do not
-    survive. So silence is heard without asking. A reply that did not come in time is never taken for that of the next
-    question: the instrument is cleared first, and so it is before the first message, because another process may have
-    been in the middle of something.
+    An instrument may be read only after a question; reading it otherwise is an error in itself, which some do not
+    survive. So waiting for silence reads nothing. A reply that was late is never taken for that to the next
+    question: the instrument is cleared first. It is also cleared before the first message, because another process
+    may have been in the middle of something.
     """
 
     def __init__(self, messenger: Messenger) -> None:  # nothing of a line of bytes is needed
@@ -84,7 +84,7 @@ class MessageLine(Line):
         return len(data)
 
     def _forget(self, seconds: float) -> None:
-        """Clear the instrument; from one that cannot be cleared a reply that it owes is fetched instead."""
+        """Clear the instrument; from one that cannot be cleared, fetch the outstanding reply instead."""
         try:
             self._messenger.clear(seconds)
         except OSError as error:
@@ -99,7 +99,7 @@ class MessageLine(Line):
 
 
 def tried(operation: Callable[[], _Result]) -> _Result:
-    """Do something with a session.
+    """Do an operation of a session.
 
     Raises:
         Gone: if it fails.

@@ -1,4 +1,4 @@
-"""Ports as lines: those whose descriptor was passed, and those that are reopened."""
+"""Opening of ports as lines: on a descriptor that was passed, or by reopening."""
 
 from __future__ import annotations
 
@@ -42,12 +42,12 @@ _SET_RS485 = 0x542F  # TIOCSRS485 of asm-generic/ioctls.h
 
 
 def line_on(descriptor: int, port: GuardedPort, interrupt: Event | None = None) -> Line:
-    """Return a port whose descriptor is open.
+    """Return the line on a port whose descriptor is open.
 
     Raises:
-        OSError, ValueError: if a session of its own is needed, and cannot be had.
+        OSError, ValueError: if the port needs a session of its own, and none can be opened.
     """
-    if port.apart or port.speaks in {"hislip", "vxi11"}:  # a session has numbers that others do not know
+    if port.apart or port.speaks in {"hislip", "vxi11"}:  # message numbers of a session are known to its owner only
         os.close(descriptor)
         return opened(port, interrupt)
     if port.speaks == "usbtmc":
@@ -105,7 +105,7 @@ def _connected(url: str) -> int:
 
 
 def keep_alone(descriptor: int) -> None:
-    """Let no other program open a serial device, root's excepted, as long as anybody has it open (TIOCEXCL).
+    """Let no other program, except root's, open a serial device as long as anybody has it open (TIOCEXCL).
 
     A pseudo-terminal is left as it is: behind it nothing real is driven.
     """
@@ -114,13 +114,13 @@ def keep_alone(descriptor: int) -> None:
 
 
 def let_others_open(descriptor: int) -> None:
-    """Take `keep_alone` back, so that a device can be opened again while another process has the lost one open."""
+    """Undo `keep_alone`, so that a device can be reopened while another process has the lost one open."""
     with suppress(OSError):
         fcntl.ioctl(descriptor, termios.TIOCNXCL)
 
 
 def _make_raw(descriptor: int, port: GuardedPort) -> None:
-    """Set the frame and the flow control of the bench file, raw mode otherwise; closing does not drop DTR."""
+    """Set frame and flow control as in the bench file, and raw mode otherwise; closing does not drop DTR."""
     _, _, control, _, in_speed, out_speed, characters = termios.tcgetattr(descriptor)
     if port.baud:
         in_speed = out_speed = getattr(termios, f"B{port.baud}", 0)
@@ -139,10 +139,10 @@ def _make_raw(descriptor: int, port: GuardedPort) -> None:
 
 
 def must_have_taken(descriptor: int, line: SerialLine) -> None:
-    """Compare the frame that a serial device has with the one that it must have; a driver may leave parts out.
+    """Compare the frame of a serial device with the one that was set; a driver may ignore parts of it.
 
     Raises:
-        OSError: if it is another one.
+        OSError: if they differ.
     """
     if termios.tcgetattr(descriptor)[2] & _FRAME != _frame(line):
         raise OSError(errno.EINVAL, _NOT_TAKEN)

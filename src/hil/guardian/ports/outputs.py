@@ -26,7 +26,7 @@ _STILL_BUSY = Outcome(ok=False, detail="its port blocks", silent=True)
 
 
 class Outputs:
-    """All port workers, and what they are asked to do.
+    """All guarded outputs, reached through their port workers.
 
     Args:
         plan: the guardian's plan.
@@ -42,10 +42,10 @@ class Outputs:
         self._asked: dict[str, dict[str, Future[Outcome]]] = {}
         self._due: dict[str, float] = {}
         for each in reversed(plan.outputs):
-            self._codes[each.device] = each.code  # the first output of a port says how to resynchronise it
+            self._codes[each.device] = each.code  # a port is resynchronised as its first output says
 
     def begin(self, *, reopen: bool) -> None:
-        """Resynchronise with all instruments at once, so that late replies are waited for on all ports together.
+        """Resynchronise with all instruments at once, so that late replies are awaited on all ports in parallel.
 
         Args:
             reopen: whether a port that is gone may be reopened.
@@ -87,14 +87,14 @@ class Outputs:
         return self._off_in_order(patience)
 
     def settle(self) -> None:
-        """Wait until no reply to anything that was sent can be on its way any more, on all ports together."""
+        """Wait, on all ports in parallel, until no reply to anything sent can still be on its way."""
         asked = [self._workers[device].settle(code) for device, code in self._codes.items()]
         until = time.monotonic() + self._longest_s()
         for future in asked:
             _result(future, until)
 
     def round(self) -> dict[str, Outcome]:
-        """Send everything again and prove it, with the full time of each exchange; return the proofs.
+        """Send everything again and prove it, with the full timeout of each exchange; return the proofs.
 
         A slow port is left to its worker after a moment; its result is collected at the end.
         """
@@ -105,10 +105,10 @@ class Outputs:
         return {name: _result(future, until) for name, future in asked.items()}
 
     def turn(self, names: Collection[str]) -> dict[str, Outcome]:
-        """Try again where outputs are not safe, each port by itself, and return the proofs that have come since.
+        """Retry the outputs that are not safe, each port by itself, and return the proofs that have come in since.
 
-        Nothing is waited for: it is to be called some ten times a second. A port that is gone is looked for about twice
-        a second, and what returns is switched off at once.
+        Does not wait; to be called some ten times a second. A port that is gone is looked for about twice a second,
+        and what returns is switched off at once.
 
         Args:
             names: the outputs that are not safe.
@@ -162,10 +162,10 @@ class Outputs:
 def switch_off(
     plan: GuardPlan, descriptors: Mapping[str, int], look: Callable[[], object] = lambda: None
 ) -> dict[str, Outcome]:
-    """Switch every output off as the guardian first does, in the process that drives the bench; prove nothing.
+    """Switch every output off as in the guardian's first pass, from the process that drives the bench; prove nothing.
 
-    No command waits for another one's reply for more than a moment, however slow the instruments have become. The lines
-    are left in step, with no reply on its way, so that a driver can go on. Nothing else may use the ports meanwhile.
+    No command waits more than a moment for another one's reply, however slow the instruments have become. The lines
+    are left in step, with no reply outstanding, so that a driver can go on. Nothing else may use the ports meanwhile.
 
     Args:
         plan: the guardian's plan.

@@ -1,4 +1,4 @@
-"""A serial line at the other end of a network (RFC 2217): Telnet's escapes, and the settings of the line."""
+"""Serial lines over a network (RFC 2217): Telnet's escapes, and the settings of the line."""
 
 from __future__ import annotations
 
@@ -17,23 +17,23 @@ _IAC, _DONT, _DO, _WONT, _WILL, _SB, _SE = 255, 254, 253, 252, 251, 250, 240
 _BINARY, _ECHO, _SUPPRESS_GO_AHEAD, _COM_PORT = 0, 1, 3, 44
 _OURS = (_BINARY, _SUPPRESS_GO_AHEAD, _COM_PORT)
 _THEIRS = (_BINARY, _SUPPRESS_GO_AHEAD)
-# RFC 2217, section 3: what the client sets, and the values of it.
+# RFC 2217, section 3: what the client sets, and its values.
 _SPEED, _DATA_BITS, _PARITY, _STOP_BITS, _CONTROL = 1, 2, 3, 4, 5
 _ANSWER = 100
 _PARITIES = {"none": 1, "odd": 2, "even": 3, "mark": 4, "space": 5}
 _STOPS = {"1": 1, "2": 2, "1.5": 3}
 _FLOWS = {"none": 1, "xon/xoff": 2, "rts/cts": 3}
 _DTR = {True: 8, False: 9}
-_LONGEST_TOLD = 256
+_LONGEST_SUBNEGOTIATION = 256
 _DTR_S = 0.2
 
 
 class Telnet:
-    """Takes Telnet out of what comes, and puts it into what goes.
+    """Strips Telnet from received bytes, and adds it to those sent.
 
     Attributes:
-        answers: bytes to be sent, unescaped, because the other end asked for something.
-        refused: what the other end does not do; nothing may be sent to the instrument then.
+        answers: bytes to be sent, unescaped, in answer to requests of the other end.
+        refused: what the other end refused; nothing may be sent to the instrument then.
     """
 
     def __init__(self) -> None:
@@ -43,26 +43,26 @@ class Telnet:
         self._agreed: set[tuple[int, int]] = set()
         self._state: Callable[[int], None] = self._data
         self._verb = 0
-        self._told = bytearray()
+        self._subnegotiated = bytearray()
         self._plain = bytearray()
 
     @staticmethod
     def escaped(data: bytes) -> bytes:
-        """Return data as it is sent: the byte that begins a command is doubled."""
+        """Return data escaped for sending: the byte that begins a command is doubled."""
         return data.replace(b"\xff", b"\xff\xff")
 
     def offers(self) -> bytes:
-        """Return what opens the conversation: a line without translations, whose settings this end may change."""
+        """Return the opening negotiation: a line without translations, whose settings this end may change."""
         ours = b"".join(bytes((_IAC, _WILL, option)) for option in _OURS)
         return ours + b"".join(bytes((_IAC, _DO, option)) for option in _THEIRS)
 
     @property
     def is_agreed(self) -> bool:
-        """Whether the other end takes what was offered."""
+        """Whether the other end has accepted the offers."""
         return {(_DO, _BINARY), (_DO, _COM_PORT), (_WILL, _BINARY)} <= self._agreed
 
     def settings(self, baud: int, line: SerialLine) -> bytes:
-        """Return what sets the line; its answers are waited for."""
+        """Return the commands that set the line; their answers are then awaited."""
         self._wanted = {
             _SPEED: struct.pack(">I", baud or 9600),
             _DATA_BITS: bytes((line.data_bits,)),
@@ -78,11 +78,11 @@ class Telnet:
         return not self._wanted
 
     def dtr(self, *, up: bool) -> bytes:
-        """Return what raises DTR, or lets it fall."""
+        """Return the command that raises or drops DTR."""
         return _subnegotiation(_CONTROL, bytes((_DTR[up],)))
 
     def plain(self, data: bytes) -> bytes:
-        """Return the instrument's bytes in what came; what belongs to Telnet is dealt with."""
+        """Return the instrument's bytes in what was received; Telnet's own are processed."""
         for byte in data:
             self._state(byte)
         plain, self._plain = bytes(self._plain), bytearray()
@@ -101,14 +101,14 @@ class Telnet:
         elif byte in {_WILL, _WONT, _DO, _DONT}:
             self._verb, self._state = byte, self._option
         elif byte == _SB:
-            self._told, self._state = bytearray(), self._inside
+            self._subnegotiated, self._state = bytearray(), self._inside
 
     def _option(self, option: int) -> None:
         self._state, verb = self._data, self._verb
         is_expected = option in (_OURS if verb in {_DO, _DONT} else _THEIRS)
         if verb in {_DO, _WILL} and is_expected:
             self._agreed.add((verb, option))
-        elif verb == _WILL:  # whether it echoes to a person at a terminal is all the same to us
+        elif verb == _WILL:  # whether it echoes does not matter here
             self.answers += bytes((_IAC, _DO if option == _ECHO else _DONT, option))
         elif verb == _DO:
             self.answers += bytes((_IAC, _WONT, option))
@@ -120,22 +120,22 @@ class Telnet:
     def _inside(self, byte: int) -> None:
         if byte == _IAC:
             self._state = self._escape_inside
-        elif len(self._told) < _LONGEST_TOLD:
-            self._told.append(byte)
+        elif len(self._subnegotiated) < _LONGEST_SUBNEGOTIATION:
+            self._subnegotiated.append(byte)
 
     def _escape_inside(self, byte: int) -> None:
         self._state = self._inside
         if byte == _IAC:
-            self._told.append(byte)
+            self._subnegotiated.append(byte)
         elif byte == _SE:
             self._state = self._data
-            self._hear(bytes(self._told))
+            self._take_subnegotiation(bytes(self._subnegotiated))
 
-    def _hear(self, told: bytes) -> None:
-        """Hear what the other end says of the line; what it says of modem lines is not needed."""
-        if len(told) < 3 or told[0] != _COM_PORT or told[1] - _ANSWER not in self._wanted:
+    def _take_subnegotiation(self, content: bytes) -> None:
+        """Take what the other end reports about the line; modem lines are ignored."""
+        if len(content) < 3 or content[0] != _COM_PORT or content[1] - _ANSWER not in self._wanted:
             return
-        key, value = told[1] - _ANSWER, told[2:]
+        key, value = content[1] - _ANSWER, content[2:]
         if value == self._wanted[key]:
             del self._wanted[key]
         elif key != _CONTROL:  # an answer to another control, such as DTR, has the same key
@@ -162,10 +162,10 @@ class TelnetLine(Line):
         self._rest = b""
 
     def begin(self, line: SerialLine, until: float) -> None:
-        """Agree on how bytes pass, and set the line.
+        """Negotiate a binary connection, and set the line.
 
         Raises:
-            OSError: if the other end does not do so by the deadline, or is gone.
+            OSError: if the other end does not agree by the deadline, or is gone.
         """
         try:
             self._say_raw(self.telnet.offers(), until)
@@ -176,7 +176,7 @@ class TelnetLine(Line):
             raise OSError(errno.ECONNRESET, str(gone)) from gone
 
     def hear(self, until: float) -> bytes:
-        """Return the first bytes of the instrument, empty if none come by the deadline. See `Line.hear`."""
+        """Return the first bytes from the instrument, empty if none come by the deadline. See `Line.hear`."""
         while True:
             came = super().hear(until)
             data = self.telnet.plain(came)
@@ -185,7 +185,7 @@ class TelnetLine(Line):
                 return data
 
     def say(self, data: bytes, until: float) -> int:
-        """Write until all is out or the deadline has passed; return how many bytes surely were taken."""
+        """Write until all is out or the deadline has passed; return how many bytes were certainly taken."""
         escaped = self._rest + self.telnet.escaped(data)
         taken = super().say(escaped, until)
         marks = taken - len(escaped[:taken].rstrip(b"\xff"))
@@ -193,7 +193,7 @@ class TelnetLine(Line):
         return len(data) if taken == len(escaped) else taken * len(data) // len(escaped)
 
     def pull_dtr(self, *, up: bool) -> None:
-        """Raise DTR at the other end, or let it fall."""
+        """Raise or drop DTR at the other end."""
         self._say_raw(self.telnet.dtr(up=up), time.monotonic() + _DTR_S)
 
     def _say_raw(self, data: bytes, until: float) -> None:
@@ -205,9 +205,9 @@ class TelnetLine(Line):
         if answers:
             super().say(answers, time.monotonic())
 
-    def _await(self, there: Callable[[], bool], otherwise: str, until: float) -> None:
-        """Hear until the other end has said something; what the instrument says meanwhile is of the past."""
-        while not there():
+    def _await(self, condition: Callable[[], bool], otherwise: str, until: float) -> None:
+        """Wait for a condition of the other end; what the instrument sends meanwhile is stale, and discarded."""
+        while not condition():
             if self.telnet.refused or time.monotonic() >= until:
                 raise OSError(errno.EPROTO, self.telnet.refused or f"it {otherwise}")
             self.telnet.plain(super().hear(until))

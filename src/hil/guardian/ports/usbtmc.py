@@ -1,4 +1,4 @@
-"""USB instruments (USBTMC) by the kernel's driver: `/dev/usbtmcN` is a file that takes and gives messages."""
+"""USB instruments (USBTMC) through the kernel's driver: `/dev/usbtmcN` is a file that carries messages."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = ["UsbTmc", "device_of"]
 # linux/usb/tmc.h
 _CLEAR = 0x5B02
 _SET_TIMEOUT = 0x40045B0A
-_LEAST_MS = 100  # the kernel takes no shorter one
+_LEAST_MS = 100  # the kernel accepts no shorter one
 _LONGEST = 65_536
 _CLASS = Path("/sys/class/usbmisc")
 
@@ -22,22 +22,22 @@ def device_of(url: str, system: Path = _CLASS) -> str:
     """Return the device file of `usbtmc://vendor:product:serial`; a path is returned as it is.
 
     Raises:
-        OSError: if no such instrument is there, or two are.
+        OSError: if there is no such instrument, or there are two.
     """
-    scheme, separator, told = url.partition("://")
+    scheme, separator, address = url.partition("://")
     if not separator or scheme != "usbtmc":
         return url
-    vendor, product, serial = told.split(":", 2)
+    vendor, product, serial = address.split(":", 2)
     wanted = (int(vendor, 0), int(product, 0), serial)
-    found = [each.name for each in sorted(system.glob("usbtmc*")) if _told(each / "device") == wanted]
+    found = [each.name for each in sorted(system.glob("usbtmc*")) if _identity_of(each / "device") == wanted]
     if len(found) == 1:
         return f"/dev/{found[0]}"
-    there = ", ".join(f"{each.name}: {_spoken(each / 'device')}" for each in sorted(system.glob("usbtmc*")))
+    there = ", ".join(f"{each.name}: {_described(each / 'device')}" for each in sorted(system.glob("usbtmc*")))
     many = "two such instruments are there" if found else f"no such instrument is there; there is {there or 'none'}"
     raise OSError(errno.ENODEV, many)
 
 
-def _told(interface: Path) -> tuple[int, int, str]:
+def _identity_of(interface: Path) -> tuple[int, int, str]:
     device = interface.resolve().parent
     try:
         ids = [int((device / name).read_text(encoding="ascii"), 16) for name in ("idVendor", "idProduct")]
@@ -46,8 +46,8 @@ def _told(interface: Path) -> tuple[int, int, str]:
         return 0, 0, ""
 
 
-def _spoken(interface: Path) -> str:
-    vendor, product, serial = _told(interface)
+def _described(interface: Path) -> str:
+    vendor, product, serial = _identity_of(interface)
     return f"0x{vendor:04X}:0x{product:04X}:{serial}"
 
 
@@ -55,7 +55,7 @@ class UsbTmc:
     """One instrument by its device file. See `hil.guardian.ports.messages.Messenger`.
 
     Args:
-        descriptor: of the device file, which blocks; it is closed with this.
+        descriptor: of the device file, which blocks; closed by `close`.
     """
 
     def __init__(self, descriptor: int) -> None:
@@ -63,7 +63,7 @@ class UsbTmc:
 
     @classmethod
     def opened(cls, url: str) -> UsbTmc:
-        """Open a device file by its path, or by who its instrument is.
+        """Open a device file by its path, or by the identity of its instrument.
 
         Raises:
             OSError: if that fails.
@@ -86,7 +86,7 @@ class UsbTmc:
             raise
 
     def clear(self, seconds: float) -> None:
-        """Clear the instrument's buffers; USBTMC 1.0, section 4.2.1.6. Some firmware does not take that request.
+        """Clear the instrument's buffers; USBTMC 1.0, section 4.2.1.6. Some firmware does not support this request.
 
         Raises:
             OSError: with EOPNOTSUPP if it does not, any other if it is gone.

@@ -50,7 +50,7 @@ class Vxi11:
         seconds: how long each step of opening may take.
 
     Raises:
-        OSError: if there is no such instrument, or it gives no link.
+        OSError: if there is no such instrument, or it grants no link.
     """
 
     def __init__(self, host: str, name: str = "inst0", port: int = 0, seconds: float = 0.5) -> None:
@@ -64,7 +64,7 @@ class Vxi11:
         try:
             wanted = struct.pack(">III", 0x48494C, 0, 0) + _opaque(name.encode("ascii"))
             error, self._link, _, longest = struct.unpack(">IIII", self._call(_CREATE_LINK, wanted, seconds)[:16])
-            _must_be_fine(error)
+            _require_success(error)
         except BaseException:
             self._calls.close()
             raise
@@ -76,9 +76,9 @@ class Vxi11:
         for begin in range(0, len(message), self._most):
             piece = message[begin : begin + self._most]
             flags = _END if begin + len(piece) == len(message) else 0
-            told = struct.pack(">IIII", self._link, round(seconds * 1000), 0, flags) + _opaque(piece)
-            error, size = struct.unpack(">II", self._call(_WRITE, told, seconds)[:8])
-            _must_be_fine(error)
+            arguments = struct.pack(">IIII", self._link, round(seconds * 1000), 0, flags) + _opaque(piece)
+            error, size = struct.unpack(">II", self._call(_WRITE, arguments, seconds)[:8])
+            _require_success(error)
             if size != len(piece):
                 raise OSError(errno.EPROTO, f"it took {size} of {len(piece)} bytes")
 
@@ -88,12 +88,12 @@ class Vxi11:
         while True:
             left_ms = max(round((until - time.monotonic()) * 1000), 1)
             asked = struct.pack(">IIIIII", self._link, _LONGEST, left_ms, 0, 0, 0)
-            told = self._call(_READ, asked, left_ms / 1000)
-            error, reason, size = struct.unpack(">III", told[:12])
+            answer = self._call(_READ, asked, left_ms / 1000)
+            error, reason, size = struct.unpack(">III", answer[:12])
             if error == _IO_TIMEOUT:
                 return b""
-            _must_be_fine(error)
-            reply += told[12 : 12 + size]
+            _require_success(error)
+            reply += answer[12 : 12 + size]
             if reason & _REASON_END:
                 return reply
             if time.monotonic() >= until:
@@ -105,14 +105,14 @@ class Vxi11:
         Raises:
             OSError: with EOPNOTSUPP if it cannot do that, any other if it is gone, or locked by another session.
         """
-        told = self._call(_CLEAR, struct.pack(">IIII", self._link, 0, 0, round(seconds * 1000)), seconds)
-        (error,) = struct.unpack(">I", told[:4])
+        answer = self._call(_CLEAR, struct.pack(">IIII", self._link, 0, 0, round(seconds * 1000)), seconds)
+        (error,) = struct.unpack(">I", answer[:4])
         if error == _NOT_SUPPORTED:
             raise OSError(errno.EOPNOTSUPP, _ERRORS[error])
-        _must_be_fine(error)
+        _require_success(error)
 
     def close(self) -> None:
-        """Give the link back, and end the connection."""
+        """Destroy the link, and end the connection."""
         with suppress(OSError):
             self._call(_DESTROY_LINK, struct.pack(">I", self._link), _MORE_S)
         self._calls.close()
@@ -140,7 +140,7 @@ class _Calls:
         self._connection.close()
 
     def call(self, program: tuple[int, int], procedure: int, arguments: bytes, seconds: float) -> bytes:
-        """Call a procedure and return its results; a reply to an older call is passed over.
+        """Call a procedure and return its results; replies to older calls are skipped.
 
         Raises:
             OSError: if it is refused, or no reply comes in time.
@@ -187,6 +187,6 @@ def _opaque(data: bytes) -> bytes:
     return struct.pack(">I", len(data)) + data + bytes(-len(data) % 4)
 
 
-def _must_be_fine(error: int) -> None:
+def _require_success(error: int) -> None:
     if error:
         raise OSError(errno.EPROTO, _ERRORS.get(error, f"error {error} of VXI-11"))

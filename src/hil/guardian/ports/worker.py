@@ -1,4 +1,4 @@
-"""One worker per port: a thread that does one thing at a time, so that a port that blocks delays no other."""
+"""Port workers: one thread per port that does one job at a time, so that a blocked port delays no other."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ __all__ = ["Outcome", "PortWorker"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
-    """How a job went.
+    """Result of a job.
 
     Attributes:
         ok: whether it succeeded.
-        detail: what was wrong, empty where nothing was.
+        detail: what was wrong, empty if nothing was.
         silent: whether the port is gone, or nothing at all was heard from it.
         seconds: how long it took.
     """
@@ -77,11 +77,11 @@ class PortWorker:
         return self._ask(lambda: self._there().off(code, patience))
 
     def prove(self, code: SafeBytes) -> Future[Outcome]:
-        """Ask whether the output is safe."""
+        """Query whether the output is safe."""
         return self._ask(lambda: self._there().prove(code))
 
     def settle(self, code: SafeBytes) -> Future[Outcome]:
-        """Wait until no reply can be on its way any more, and forget what came."""
+        """Wait until no reply can still be on its way, and discard what came."""
         return self._ask(lambda: self._there().settle(code))
 
     def close(self) -> None:
@@ -93,7 +93,7 @@ class PortWorker:
             self._talk = None
 
     def recognise(self, code: SafeBytes) -> Future[Outcome]:
-        """Keep who the instrument says that it is, once it is proven safe, so that no other one is taken for it."""
+        """Keep the instrument's identity, once it is proven safe, so that no other one is taken for it."""
         return self._ask(lambda: self._recognise(code))
 
     def _recognise(self, code: SafeBytes) -> str:
@@ -112,7 +112,7 @@ class PortWorker:
         return future
 
     def _do(self, job: Callable[[], str]) -> Outcome:
-        """Do a job; a failure in here concerns this port alone."""
+        """Do a job; a failure in it affects this port only."""
         began = time.monotonic()
         try:
             wrong = job()
@@ -143,7 +143,7 @@ class PortWorker:
         """Reopen the port, if the instrument that it led to is still there.
 
         Raises:
-            OSError, ValueError, Gone: if that fails, or another one is there, which gets nothing but that question.
+            OSError, ValueError, Gone: if that fails, or another one is there, which is sent only the identity query.
         """
         port = self.port
         if self._identity is not None and "://" not in port.url:
@@ -151,14 +151,14 @@ class PortWorker:
         talk = Dialogue(opened(port, self._interrupt))
         try:
             if self._who and code.who is not None and "://" in port.url:
-                self._must_be_known(talk, code.who)
+                self._require_known(talk, code.who)
         except BaseException:
             talk.line.close()
             raise
         return talk
 
-    def _must_be_known(self, talk: Dialogue, who: Exchange) -> None:
-        said = talk.told(who) or talk.told(who)  # half a line makes nonsense of the first one
+    def _require_known(self, talk: Dialogue, who: Exchange) -> None:
+        said = talk.told(who) or talk.told(who)  # a fragment of a line may garble the first one
         if said != self._who:
             raise OSError(errno.ENODEV, f"{_stranger(said)} at {self.port.url}, which was {_shown(self._who)}")
 
