@@ -1,1 +1,1 @@
-"""The pytest side: options, markers, fixtures, outcomes."""
+"""The pytest plugin: options, markers, fixtures, outcomes."""

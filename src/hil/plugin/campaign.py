@@ -28,10 +28,10 @@ from hil.plugin.plans.plan_sources import refuse_sources
 __all__ = ["Campaign", "Opener"]
 
 _CALLERS = ("_pytest.", "pluggy.", "hil.plugin.", "hil.executive.")
-"""What calls a case's own code, or is called by it, and is never ended in the middle."""
+"""Modules that call a case's own code, or are called by it, and are never interrupted midway."""
 
 _LIBRARIES = sys.stdlib_module_names | {"hil"}
-"""What is anybody's code, that of a case where a case calls it."""
+"""Libraries: their code counts as that of whoever calls it."""
 
 _Finalizers = list[Callable[[], object]]
 
@@ -42,9 +42,9 @@ Opener = Callable[[Configuration, Sequence[PlannedCase]], Session]
 
 
 class Campaign:
-    """Turns one pytest session into one run.
+    """One pytest session as one run.
 
-    Made and used within `frozen_code`, so that what is loaded is what is frozen.
+    Create and use it within `frozen_code`, so that what is loaded is what is frozen.
 
     Args:
         configuration: what the run is made of.
@@ -56,7 +56,7 @@ class Campaign:
 
     Attributes:
         session: the open session, None before the first case.
-        error: why there is none, where a person can fix it.
+        error: why there is none, if a person can fix that.
         collection_errors: files that could not be collected, and why.
     """
 
@@ -95,21 +95,21 @@ class Campaign:
     def pytest_make_collect_report(
         self, collector: pytest.Collector
     ) -> Generator[None, pytest.CollectReport, pytest.CollectReport]:
-        """Let a module that ends the process be one that cannot be collected; of one that is not Python, show where."""
+        """Report a module that ends the process as a collection error; of a syntax error, show only the place."""
         try:
             report = yield
         except SystemExit as error:
             text = f"E the module ends the process (sys.exit({error.code!r})): remove it, a run ends by itself"
             return pytest.CollectReport(collector.nodeid, "failed", text, [])
         if report.failed and _NOT_PYTHON.search(report.longreprtext):
-            told = [line for line in report.longreprtext.splitlines() if line.startswith("E ")]
-            report.longrepr = "\n".join(told)  # how it came to be read is of no use to anybody
+            kept = [line for line in report.longreprtext.splitlines() if line.startswith("E ")]
+            report.longrepr = "\n".join(kept)  # the import chain is of no use to anybody
         return report
 
     def pytest_collectreport(self, report: pytest.CollectReport) -> None:
-        """Keep what could not be collected, for the error that a person sees.
+        """Keep collection errors, for the error that a person sees.
 
-        Cases of a module that takes itself out as a whole would be missing from the plan without a word.
+        The cases of a module that skips itself as a whole would be silently missing from the plan.
         """
         if report.failed:
             self.collection_errors.append((report.nodeid, report.longreprtext))
@@ -132,12 +132,12 @@ class Campaign:
             self._refuse(error)
 
     def pytest_deselected(self, items: Sequence[pytest.Item]) -> None:
-        """Keep what somebody else took out."""
+        """Keep what pytest or another plugin deselected."""
         self._deselected.update(item.nodeid for item in items)
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtestloop(self, session: pytest.Session) -> Generator[None, object, object]:
-        """Arm before the first case and make safe after the last, whatever happened between."""
+        """Arm before the first case and make safe after the last, whatever happens in between."""
         if self.collection_errors or not self._planned or session.config.option.collectonly:
             return (yield)
         try:
@@ -174,33 +174,33 @@ class Campaign:
     def _tear_down(
         self, item: pytest.Item, nextitem: pytest.Item | None = None, begun: Iterable[_Finalizers] = ()
     ) -> None:
-        """Tear down what a case leaves that ended pytest or its own teardown; after the seal is too late.
+        """Tear down what is left of a case that ended pytest or its own teardown; after the seal it would be too late.
 
         Args:
             item: the case.
             nextitem: the case after it, whose fixtures stay.
-            begun: what pytest has begun to call.
+            begun: the finalizers that pytest has begun to call.
         """
         run = self.running.current
         with self.running.flags.case_code(partial(_is_own, sys._getframe())):  # noqa: SLF001 - as below
-            for finalizers in (*begun, *_left(item, nextitem)):
+            for finalizers in (*begun, *_left_set_up(item, nextitem)):
                 while finalizers:
                     try:
                         finalizers.pop()()
-                    except BaseException as error:  # noqa: BLE001 - whatever it is, the rest is torn down
+                    except BaseException as error:  # noqa: BLE001 - whatever is raised, the rest is torn down
                         if run is not None:
                             run.raised(error, run.escapes.place_of(error))
 
     @pytest.hookimpl(wrapper=True, trylast=True)
     def pytest_runtest_setup(self) -> Generator[None, object, object]:
-        """Let what ends a case's own code end that of its fixtures as well."""
-        return (yield from self._fixtures_code(sys._getframe(1)))  # noqa: SLF001 - nothing else tells who called
+        """Let whatever ends a case's own code end its fixtures' code as well."""
+        return (yield from self._fixtures_code(sys._getframe(1)))  # noqa: SLF001 - the only way to the caller
 
     @pytest.hookimpl(wrapper=True, trylast=True)
     def pytest_runtest_teardown(
         self, item: pytest.Item, nextitem: pytest.Item | None
     ) -> Generator[None, object, object]:
-        """Do so in the teardown, and tear down what pytest leaves after a stop or a timeout in there."""
+        """Do the same in the teardown, and tear down what pytest leaves after a stop or timeout in it."""
         stack = item.session._setupstate.stack  # noqa: SLF001 - pytest has no public way to it
         before = {node: finalizers for node, (finalizers, _) in reversed(stack.items())}
         try:
@@ -221,9 +221,9 @@ class Campaign:
 
     @pytest.hookimpl(wrapper=True, tryfirst=True)
     def pytest_pyfunc_call(self) -> Generator[None, object, object]:
-        """Let an urgent stop end the case's own code, wherever it is; whatever comes out of it is noted here.
+        """Let an urgent stop end the case's own code, wherever it is; note here whatever it raises.
 
-        Code that makes pytest believe afterwards that nothing was raised does not deceive the run.
+        So code that later makes pytest believe that nothing was raised does not deceive the run.
         """
         run = self.running.current
         caller, limit = sys._getframe(1), sys.getrecursionlimit()  # noqa: SLF001 - as above
@@ -232,7 +232,7 @@ class Campaign:
                 try:
                     return (yield)
                 finally:
-                    sys.setrecursionlimit(limit)  # what a case makes of it would end the run itself
+                    sys.setrecursionlimit(limit)  # a limit set by the case would end the run itself
         except (pytest.skip.Exception, pytest.xfail.Exception) as error:
             _skip_within(run, error)
             raise
@@ -268,7 +268,7 @@ class Campaign:
     def pytest_report_teststatus(
         self, report: pytest.CollectReport | pytest.TestReport
     ) -> tuple[str, str, tuple[str, dict[str, bool]]] | None:
-        """Show the verdict instead of pytest's words."""
+        """Show the verdict instead of pytest's outcome."""
         verdict = dict(getattr(report, "user_properties", ())).get("verdict")
         if report.when != "call" or not isinstance(verdict, str):
             return None
@@ -276,7 +276,7 @@ class Campaign:
         return report.outcome, "." if good else verdict[0], (verdict, {"green" if good else "red": True})
 
     def _refuse(self, error: HilError) -> NoReturn:
-        """End pytest with its code for wrong usage; the launcher reports it to the person."""
+        """End pytest with its exit code for wrong usage; the launcher reports the error."""
         self.error = error
         pytest.exit(str(error), returncode=pytest.ExitCode.USAGE_ERROR)
 
@@ -302,7 +302,7 @@ class Campaign:
         item.add_marker(pytest.mark.skip(reason=reason), append=False)
 
     def _note_not_run(self) -> None:
-        """Give every planned case that never began its reason."""
+        """Note the reason for every planned case that never began."""
         stopped = self.running.flags.reason
         reason = f"stopped by {stopped}" if stopped else ENDED_BEFORE
         for case in self._planned:
@@ -310,8 +310,8 @@ class Campaign:
                 self.running.not_run(case, DESELECTED if case in self._deselected else reason)
 
 
-def _left(item: pytest.Item, nextitem: pytest.Item | None) -> Iterator[_Finalizers]:
-    """Take what is set up and the next case has no use for from the stack of pytest, the innermost first."""
+def _left_set_up(item: pytest.Item, nextitem: pytest.Item | None) -> Iterator[_Finalizers]:
+    """Yield what is set up and not needed by the next case from pytest's stack, the innermost first."""
     stack = item.session._setupstate.stack  # noqa: SLF001 - as above
     needed = nextitem.listchain() if nextitem else []
     while list(stack) != needed[: len(stack)]:
@@ -319,17 +319,17 @@ def _left(item: pytest.Item, nextitem: pytest.Item | None) -> Iterator[_Finalize
 
 
 def _is_own(caller: FrameType, frame: FrameType | None) -> bool:
-    """Return whether an exception raised where a signal came ends a case's own code and passes nothing but that.
+    """Return whether an exception raised where a signal arrived ends a case's own code and passes through nothing else.
 
     Args:
-        caller: what calls the hook within which a case's code runs, as long as it does.
-        frame: where the signal came.
+        caller: the frame that calls the hook within which a case's code runs.
+        frame: where the signal arrived.
     """
     name = ""
     while frame is not None and not name:
         name = f"{frame.f_globals.get('__name__')}."
         if name.partition(".")[0] in _LIBRARIES and not name.startswith(_CALLERS):
-            name, frame = "", frame.f_back  # whoever called it decides
+            name, frame = "", frame.f_back  # its caller decides
     if name.startswith(_CALLERS):
         return False
     while frame is not None and frame is not caller:

@@ -1,4 +1,4 @@
-"""Run plans under pytest, in this process, with nothing of anybody else's configuration."""
+"""Launches pytest on plans, in this process, isolated from any other pytest configuration."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def launch(configuration: Configuration, opener: Opener) -> Launched:
 
 
 def _outcome(campaign: Campaign, arguments: list[str]) -> int:
-    """Return pytest's exit code; once there is a session nothing gets past it, because a run has to be sealed."""
+    """Return pytest's exit code; once there is a session no exception escapes, because a run has to be sealed."""
     try:
         return int(pytest.main(arguments, plugins=[campaign]))
     except SystemExit as error:
@@ -94,7 +94,7 @@ def _arguments(configuration: Configuration, ini: Path) -> list[str]:
         *("-p", "no:terminal"),
         *("-p", "no:cacheprovider"),
         *("-p", "no:debugging"),
-        *("-p", "no:unraisableexception"),  # it hides them without a terminal, and searches all memory twice for them
+        *("-p", "no:unraisableexception"),  # it hides them without a terminal, and forces two full garbage collections
         "--capture=no",
         *(str(plan) for plan in configuration.plans),
     ]
@@ -102,7 +102,7 @@ def _arguments(configuration: Configuration, ini: Path) -> list[str]:
 
 @contextmanager
 def _own_environment() -> Iterator[None]:
-    """Keep options and plugins of other projects out of the run; what was set is put back."""
+    """Keep options and plugins of other projects out of the run; the settings are restored afterwards."""
     own = {"PYTEST_ADDOPTS": "", "PYTEST_PLUGINS": "", "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}
     before = {name: os.environ.get(name) for name in own}
     os.environ.update(own)
@@ -117,10 +117,10 @@ def _own_environment() -> Iterator[None]:
 
 @contextmanager
 def _own_modules(ground: Ground) -> Iterator[None]:
-    """Forget the workspace's modules afterwards: those of another workspace have the same names.
+    """Unload the workspace's modules afterwards: those of another workspace have the same names.
 
-    Only theirs: an environment with installed packages often lies in the workspace, too, and compiled modules cannot be
-    loaded twice.
+    Only its own: an environment with installed packages is often in the workspace, too, and compiled modules cannot
+    be loaded twice.
     """
     before = set(sys.modules)
     try:
@@ -133,7 +133,7 @@ def _own_modules(ground: Ground) -> Iterator[None]:
 
 @contextmanager
 def _no_debugger() -> Iterator[None]:
-    """Refuse `breakpoint()` and every debugger that is one of Python's; what was set is put back."""
+    """Refuse `breakpoint()` and every debugger based on Python's; the hooks are restored afterwards."""
     before = sys.breakpointhook, bdb.Bdb.set_trace
     sys.breakpointhook = _refuse_debugger
     _replace_set_trace(_refuse_debugger)
@@ -149,7 +149,7 @@ def _replace_set_trace(function: Callable[..., None]) -> None:
 
 
 def _refuse_debugger(*_: object, **__: object) -> None:
-    """Come in the place of a debugger.
+    """Replacement for a debugger.
 
     Raises:
         Refused: always.
@@ -164,20 +164,20 @@ def _is_inside(module: object, ground: Ground) -> bool:
 
 
 def _finding(where: str, text: str, root: Path) -> Finding:
-    """Return the sentence of a collection error and its line; of a traceback nothing else is for a person."""
+    """Return the message and line of a collection error; the rest of a traceback is not for people."""
     if unknown := re.fullmatch(r"'(\w+)' not found in `markers` configuration option", text.strip()):
         return _unknown_marker(where, unknown[1], root)
-    told = [line[1:].strip() for line in text.splitlines() if line.startswith("E ")]
+    message_lines = [line[1:].strip() for line in text.splitlines() if line.startswith("E ")]
     frames = re.findall(rf"^.*{re.escape(where)}:(\d+): ", text, re.MULTILINE)
-    quoted = re.search(r'^File ".*", line (\d+)$', told[0]) if told else None
-    if quoted:  # a syntax error: the line, its text, a mark below it, and last what it is
-        return Finding(path=where, line=int(quoted[1]), column=1, message=told[-1])
-    message = "; ".join(told) or text.strip()
+    quoted = re.search(r'^File ".*", line (\d+)$', message_lines[0]) if message_lines else None
+    if quoted:  # a syntax error: the line, its text, a mark below it, and last the error
+        return Finding(path=where, line=int(quoted[1]), column=1, message=message_lines[-1])
+    message = "; ".join(message_lines) or text.strip()
     return Finding(path=where, line=int(frames[-1]) if frames else 0, column=1 if frames else 0, message=message)
 
 
 def _unknown_marker(where: str, name: str, root: Path) -> Finding:
-    """Return that there is no such marker, and its first line; pytest tells the name only."""
+    """Return a finding for an unknown marker with its first line; pytest reports only the name."""
     try:
         lines = (root / where).read_text(encoding="utf-8").splitlines()
     except (OSError, UnicodeDecodeError):

@@ -1,4 +1,4 @@
-"""What is told of a run that was stopped and is not sealed: why, and what a person does next."""
+"""Closing lines of a run that was stopped and is not sealed: why, and what to do next."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["left_open_lines", "lost_lines"]
 
 
 def lost_lines(folder: Path, reason: str, *, unsafe: bool) -> list[str]:
-    """Return what a run lost and was stopped by, and what a person does next.
+    """Return why a run was stopped by a loss, and what to do next.
 
     Args:
         folder: the run's folder.
@@ -25,11 +25,11 @@ def lost_lines(folder: Path, reason: str, *, unsafe: bool) -> list[str]:
 
 
 def left_open_lines(folder: Path, reason: str) -> list[str]:
-    """Return why a run was stopped and is not sealed, and what a person does next.
+    """Return why a run was stopped and is not sealed, and what to do next.
 
     Args:
         folder: the run's folder.
-        reason: why it was stopped; of a full disk which one, and how much of it is free now, is told, too.
+        reason: why it was stopped; for a full disk, the lines also say which one and how much is free now.
     """
     if reason != DISK_FULL:
         return [f"stopped, and not sealed: resume it with hil resume {folder.name}"]
@@ -38,7 +38,7 @@ def left_open_lines(folder: Path, reason: str) -> list[str]:
 
 
 def _disk(folder: Path) -> str:
-    """Return where the folder's file system is mounted, and how much is free now that the reserve was released."""
+    """Return the mount point of the folder's file system, and the space free now that the reserve was released."""
     folder = folder.resolve()
     mounted = next((place for place in (folder, *folder.parents) if place.is_mount()), folder)
     try:

@@ -1,4 +1,4 @@
-"""Open sessions: on a bench, on its simulated twin, or on the record of an earlier run."""
+"""Opens sessions: on a bench, on its simulated twin, or on the record of an earlier run."""
 
 from __future__ import annotations
 
@@ -45,12 +45,12 @@ def open_new(
         configuration: what the run is made of.
         planned: its cases.
         spectators: are shown every event.
-        caller: hears of what the run cannot come back from.
-        alone: whether no other run may be on the bench; a rehearsal disturbs nobody.
+        caller: is notified of what the run cannot recover from.
+        alone: whether the run needs the bench to itself; a rehearsal does not.
 
     Raises:
-        WrongPort: if a board is not where the bench file says; there is no folder of a run then.
-        NoReply: if a port cannot be opened; neither is there.
+        WrongPort: if a board is not where the bench file says; no run folder is created.
+        NoReply: if a port cannot be opened; no run folder is created.
     """
     if (reach := configuration.reach) is not None:
         require_boards(configuration.bench, reach)
@@ -75,13 +75,13 @@ def open_new(
 
 
 def _require_answers(configuration: Configuration, planned: Sequence[PlannedCase], witnesses: Witnesses) -> None:
-    """Require that what the cases ask is answered; nothing has been opened by then, and there is no folder of a run."""
+    """Require that the cases' questions will be answered, before anything is opened and the run has a folder."""
     request, workspace = configuration.request, configuration.workspace
     outside = configuration.reach is not None
     twin = configuration.bench.simulated
     alone = request.source is Source.SIMULATED and not outside and not request.person
     attended = Attended(
-        terminal=(sys.stdin is not None and sys.stdin.isatty()) or request.unattended,  # None where it was closed
+        terminal=(sys.stdin is not None and sys.stdin.isatty()) or request.unattended,  # None if it was closed
         simulated=frozenset(twin.person) if alone and twin is not None else None,
         safety=outside,
     )
@@ -103,7 +103,7 @@ def open_resumed(
     *,
     earlier: Earlier,
 ) -> Session:
-    """Open the session of an interrupted run again, on its record first, and from its checkpoint on on its bench.
+    """Reopen the session of an interrupted run, first on its record, and after its checkpoint on its bench.
 
     Raises:
         Refused: if other cases were collected than before.
@@ -127,14 +127,14 @@ def open_resumed(
 
 
 class _Ports:
-    """The ports of a new run's bench, which are opened before the run has a folder, and bound once it has one."""
+    """The ports of a new run's bench: opened before the run has a folder, and bound once it has one."""
 
     def __init__(self, configuration: Configuration) -> None:
         self._configuration = configuration
         self._opened: Opened | None = None
 
     def open(self) -> None:
-        """Open those of a bench outside this process; see `Opened`."""
+        """Open the ports, if the bench is outside this process; see `Opened`."""
         if (reach := self._configuration.reach) is not None:
             self._opened = Opened(self._configuration.bench, reach)
 
@@ -146,7 +146,7 @@ class _Ports:
         return bind_simulated(configuration.bench, transcript)
 
     def close(self) -> None:
-        """Close those that were not bound."""
+        """Close the ports that were not bound."""
         if self._opened is not None:
             self._opened.close()
 
@@ -159,7 +159,7 @@ def _bind_again(
         return bind_live_again(configuration.bench, reach, configuration.epoch, transcript, record, where)
     if earlier.checkpoint is None:
         return bind_simulated(configuration.bench, transcript)
-    # Killed on its way to the safe state, a run may have its last checkpoint before the place where it is entered.
+    # A run killed on its way to the safe state may have its last checkpoint before its point of entry.
     asked = earlier.boundary is not None and earlier.boundary.at_ns <= earlier.checkpoint.at_ns
     return bind_resumed(configuration.bench, transcript, record, earlier.checkpoint, where, asked=asked)
 

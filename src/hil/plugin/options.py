@@ -1,4 +1,4 @@
-"""The plugin's entry point: options, markers and a hint, so that other pytest runs pay nothing for it."""
+"""The plugin's entry point: options, markers and a hint only, so that other pytest runs pay nothing for it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _TABLE = re.compile(r"^\[tool\.hil[.\]]", re.MULTILINE)
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Add the options; cases of plans need them, and other tests do not notice."""
+    """Add the options, which cases of plans need; other tests are not affected."""
     group = parser.getgroup("hil", "hardware-in-the-loop benches")
     group.addoption("--bench", metavar="NAME", help="run the plans on this simulated bench of the workspace")
     group.addoption("--dut", metavar="SERIAL", default="", help="serial number of the device under test")
@@ -29,13 +29,13 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Register what drives a bench, if one is named; in any workspace the markers are known."""
+    """Register what drives a bench, if one is named; in any workspace, register the markers."""
     if config.getoption("--bench", None):
-        from hil.plugin.plain import configure_plain  # noqa: PLC0415 - costs nothing if no bench is named
+        from hil.plugin.plain import configure_plain  # noqa: PLC0415 - only if a bench is named
 
         configure_plain(config)
     elif _is_workspace(config.rootpath):
-        from hil.plugin.plans.markers import MARKERS  # noqa: PLC0415 - same, of no workspace
+        from hil.plugin.plans.markers import MARKERS  # noqa: PLC0415 - only in a workspace
 
         for marker in MARKERS:
             config.addinivalue_line("markers", marker)
@@ -48,7 +48,7 @@ def pytest_ignore_collect(collection_path: Path) -> bool | None:
 
 
 def pytest_collection_finish(session: pytest.Session) -> None:
-    """Say what is missing if there are only cases of plans, and no bench is named.
+    """Fail with a hint if there are only cases of plans, and no bench is named.
 
     Raises:
         pytest.UsageError: with the options to add.
@@ -59,7 +59,7 @@ def pytest_collection_finish(session: pytest.Session) -> None:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_setup(item: pytest.Item) -> None:
-    """Let a case of a plan among other tests say what it lacks, before its fixtures are not found."""
+    """Fail a case of a plan among other tests with a hint, before its fixtures are not found."""
     if _lacks_bench(item):
         pytest.fail(_hint(item.config, [item]), pytrace=False)
 
@@ -71,7 +71,7 @@ def _lacks_bench(item: pytest.Item) -> bool:
 
 
 def _hint(config: pytest.Config, items: Sequence[pytest.Item]) -> str:
-    """Return which options a case needs, with the benches that there are."""
+    """Return which options a case needs, with the names of the benches."""
     plan = items[0].path.parent
     roots = [folder for folder in plan.parents if _is_workspace(folder)]
     benches = sorted(path.parent.name for path in roots[0].glob("*/benches/*/bench.yaml")) if roots else []
@@ -81,7 +81,7 @@ def _hint(config: pytest.Config, items: Sequence[pytest.Item]) -> str:
 
 
 def _is_workspace(folder: Path) -> bool:
-    """Return whether a folder is a workspace, without reading what its settings say."""
+    """Return whether a folder is a workspace, without parsing its settings."""
     if (folder / "hil.toml").is_file():
         return True
     try:

@@ -1,4 +1,4 @@
-"""Plain `pytest testplans --bench NAME`: the same run, under somebody's own pytest."""
+"""Plain `pytest testplans --bench NAME`: the same run, under the user's own pytest."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ __all__ = ["Chosen", "configure_plain"]
 
 
 class Chosen:
-    """Lets whole plans be collected, so that they are planned, and takes out what nobody named.
+    """Collects whole plans, so that they are planned, and deselects what was not named.
 
     Args:
         arguments: folders, files and cases, as pytest was given them.
@@ -45,7 +45,7 @@ class Chosen:
     def pytest_collection_modifyitems(
         self, session: pytest.Session, config: pytest.Config, items: list[pytest.Item]
     ) -> None:
-        """Deselect every case that nobody named.
+        """Deselect every case that was not named.
 
         Raises:
             pytest.UsageError: for a name that no case has.
@@ -63,7 +63,7 @@ class Chosen:
 
 
 def _plans_of(argument: str, plans: Sequence[Path]) -> Sequence[str]:
-    """Return the plans of the run that an argument is in or holds; itself, if there are none."""
+    """Return the plans of the run that contain an argument or are in it; the argument itself if there are none."""
     path = Path(argument.partition("::")[0]).resolve()
     if path.parent in plans and not path.is_dir():
         return [str(path.parent)]
@@ -77,31 +77,31 @@ def _is_meant(item: pytest.Item, argument: str) -> bool:
 
 
 class _InPlanOrder:
-    """Runs the cases in the order of their plans, whatever other plugins and options make of it.
+    """Runs the cases in plan order, whatever other plugins and options ask for.
 
     Args:
-        told: what pytest says once the cases are collected, besides.
+        notices: lines for pytest to print once the cases are collected.
     """
 
-    def __init__(self, told: Sequence[str]) -> None:
-        self._told = list(told)
+    def __init__(self, notices: Sequence[str]) -> None:
+        self._notices = list(notices)
 
     @pytest.hookimpl(wrapper=True, tryfirst=True)
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> Generator[None, object, object]:
-        """Put what is left of the cases into the order in which they were collected."""
+        """Put the remaining cases back into the order in which they were collected."""
         place = {item: number for number, item in enumerate(reorder_items(items))}
         result = yield
         before = list(items)
         items.sort(key=lambda item: place.get(item, len(place)))
         if before != items:
-            self._told.append(
+            self._notices.append(
                 "hil: the cases run in the order of their plan, not in the one that pytest was to give them"
             )
         return result
 
     def pytest_report_collectionfinish(self) -> list[str]:
-        """Say what differs from what was asked for."""
-        return self._told
+        """Report what differs from what was asked for."""
+        return self._notices
 
 
 def configure_plain(config: pytest.Config) -> None:
@@ -128,14 +128,14 @@ def configure_plain(config: pytest.Config) -> None:
     config.args = chosen.whole
     if chosen.single:
         config.pluginmanager.register(chosen, "hil_chosen")
-    # With it, --lf would not even collect what passed; without it, it takes it out afterwards.
+    # With it, --lf would not even collect what passed; without it, --lf deselects that afterwards.
     if config.pluginmanager.has_plugin("lfplugin-collwrapper"):
         config.pluginmanager.unregister(name="lfplugin-collwrapper")
     config.pluginmanager.register(_InPlanOrder(notices), "hil_in_plan_order")
 
 
 def _configured(config: pytest.Config) -> Configuration:
-    """Return what the command line asks for; of plans that only a folder above them names, those for the article."""
+    """Return what the command line asks for; of plans named only by a folder above them, those for the article."""
     request = _request(config)
     named = {Path(str(argument).partition("::")[0]).resolve() for argument in config.args}
     if any(plan in path.parents or path == plan for plan in map(Path, request.plans) for path in named):
@@ -144,14 +144,14 @@ def _configured(config: pytest.Config) -> Configuration:
 
 
 class _Seal:
-    """Seals when pytest has ended, and says where the package is."""
+    """Seals the run when pytest has ended, and prints where the package is."""
 
     def __init__(self, campaign: Campaign) -> None:
         self._campaign = campaign
 
     @pytest.hookimpl(wrapper=True, tryfirst=True)
     def pytest_sessionfinish(self, session: pytest.Session, exitstatus: int) -> object:
-        """Let the run's exit code be pytest's."""
+        """Make the run's exit code pytest's."""
         running = self._campaign.session
         if running is not None:
             session.exitstatus = running.exit_code(int(exitstatus))
@@ -159,7 +159,7 @@ class _Seal:
         return (yield)
 
     def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
-        """Tell the run's verdict, which is that of all planned cases, and name the package."""
+        """Print the run's verdict, which covers all planned cases, and the package."""
         if self._campaign.session is not None:
             results = Package(self._campaign.session.folder).outcome()
             terminalreporter.write_line(f"{results.verdict}  {headline(results)}")
@@ -167,7 +167,7 @@ class _Seal:
 
 
 def _notices(config: pytest.Config, configuration: Configuration) -> list[str]:
-    """Return a line for the plans that are not for the article, if there are any, and one for each `time.sleep`."""
+    """Return a line for the plans that are not for the article, if any, and one for each `time.sleep`."""
     plans = {plan.name for plan in configuration.plans}
     others = [name for asked in _request(config).plans if (name := Path(asked).name) not in plans]
     left_out = [f"hil: not for {configuration.dut.serial}, left out: {', '.join(others)}"] if others else []
@@ -195,14 +195,14 @@ def _is_distributed(config: pytest.Config) -> bool:
 
 
 def _ini(config: pytest.Config, name: str) -> object:
-    """Return a setting of another plugin, nothing where there is no such plugin."""
+    """Return a setting of another plugin, None if there is no such plugin."""
     with suppress(ValueError):
         return config.getini(name)
     return None
 
 
 def _refuse_other_root(config: pytest.Config, root: Path) -> None:
-    """Refuse what would give cases other names than every other run does."""
+    """Refuse a root folder that would give cases other names than in every other run."""
     if config.rootpath.resolve() != root.resolve():
         what = f"cases are named from the workspace's folder on, and pytest names them from {config.rootpath} on"
         raise Refused(what, f"give pytest --rootdir {root}")
@@ -224,7 +224,7 @@ def _request(config: pytest.Config) -> Request:
 
 
 def _plans_at(path: Path) -> list[Path]:
-    """Return the plan that a path is, or those right below it."""
+    """Return the plan at a path, or those directly below it."""
     if (path / "requirements.yaml").is_file() and list(path.glob("test_*.py")):
         return [path]
     return sorted(found.parent for found in path.glob("*/requirements.yaml"))

@@ -1,4 +1,4 @@
-"""Runs whose package nobody keeps: the procedure of plans, and the replay of a package."""
+"""Runs whose package is discarded: the procedure of plans, and the replay of a package."""
 
 from __future__ import annotations
 
@@ -36,16 +36,16 @@ _NO_CASES = 5
 
 @dataclass(frozen=True, slots=True)
 class Replayed:
-    """What a replay showed.
+    """Result of a replay.
 
     Attributes:
         cases: how many cases were compared.
         checks: how many checks they have.
         differences: every difference, in a sentence, up to the one where a case left the record.
         following: how many more differed after that.
-        broken_off: how many cases of the record a stop cut short, which are not compared.
+        broken_off: how many cases of the record were cut short by a stop, which are not compared.
         never_ran: how many cases of the record never ran.
-        of_numbers: how many of the differences tell of another value or uncertainty only.
+        of_numbers: how many of the differences are of a value or uncertainty only.
     """
 
     cases: int
@@ -58,7 +58,7 @@ class Replayed:
 
     @property
     def same_verdicts(self) -> bool:
-        """Whether nothing but numbers of checks differs: every verdict came out again."""
+        """Whether nothing but numbers of checks differs, so that every verdict was reproduced."""
         return bool(self.cases) and not self.following and len(self.differences) == self.of_numbers
 
 
@@ -74,7 +74,7 @@ def replay(package: Package) -> Replayed:
     """Run the cases of a package again on its recorded bytes, and compare.
 
     Raises:
-        ConfigurationError: for files of the package with which nothing can be replayed, by their paths in it.
+        ConfigurationError: for files of the package that prevent a replay, by their paths in it.
     """
     if damaged := tuple(damaged_lines(package.transcript_path)):
         raise ConfigurationError(tuple(Finding(TRANSCRIPT, line, 1, message) for line, message in damaged))
@@ -105,7 +105,7 @@ def replay(package: Package) -> Replayed:
 
 
 def _ended(case: CaseOutcome, package: Package) -> bool:
-    """Return whether a case is ABORTED only for an attempt before the last one, which came to its end."""
+    """Return whether a case is ABORTED only because of an earlier attempt, and its last one was completed."""
     return case.verdict is Verdict.ABORTED and not package.cut_short and any(each.read for each in case.attempts)
 
 

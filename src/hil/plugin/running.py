@@ -1,4 +1,4 @@
-"""One run, from the request to the sealed package and the words about it."""
+"""One run, from the request to the sealed package and the closing report."""
 
 from __future__ import annotations
 
@@ -48,22 +48,22 @@ _WITHOUT = {
 
 _FAILED, _INTERNAL = 1, 3
 _COLLECTED = 20_000, 20, 50  # allocations, and collections of the younger generations, between collections
-_SMALL = 1_000_000  # bytes of a journal that is derived again as a whole in less than half a second
+_SMALL = 1_000_000  # bytes of a journal from which everything is derived again in less than half a second
 
 
 class Word(Protocol):
-    """Anyone who waits for the run's end hears this."""
+    """What is reported to a process that waits for the run's end."""
 
     def begun(self, folder: Path) -> None:
-        """Hear where the run writes."""
+        """Report where the run writes."""
         ...
 
     def sealed(self, code: int) -> None:
-        """Hear that the package is sealed, and the exit code."""
+        """Report that the package is sealed, and the exit code."""
         ...
 
     def expect(self, seconds: float | None) -> None:
-        """Hear that the run is well for so many seconds, after which the process is to end; None ends that."""
+        """Start a timeout after which the process is to be ended; None cancels it."""
         ...
 
     def leave(self, code: int) -> NoReturn:
@@ -72,7 +72,7 @@ class Word(Protocol):
 
 
 class _Unheard:
-    """Nobody waits."""
+    """A `Word` to nobody: no process waits."""
 
     def begun(self, folder: Path) -> None:
         """Say nothing."""
@@ -89,9 +89,9 @@ class _Unheard:
 
 
 def run(request: Request, out: TextIO, *, verbose: bool = False, word: Word | None = None) -> int:
-    """Run the request's plans, seal the package, tell how it ended, and return the exit code.
+    """Run the request's plans, seal the package, report how it ended, and return the exit code.
 
-    The last line of `out` is the package's path. What becomes of `out` changes neither the run nor its exit code.
+    The last line of `out` is the package's path. A failure of `out` changes neither the run nor its exit code.
 
     Args:
         request: what is run.
@@ -111,18 +111,18 @@ def resume(
     verbose: bool = False,
     word: Word | None = None,
 ) -> int:
-    """Go on with an interrupted run, seal its package, tell how it ended, and return the exit code.
+    """Resume an interrupted run, seal its package, report how it ended, and return the exit code.
 
     Args:
         folder: the run's folder.
-        request: makes the request that it began with.
-        out: as of `run`.
+        request: returns the request that it began with.
+        out: as in `run`.
         other_software: why it resumes although the software differs from the one that started it.
         verbose: whether everything is shown.
         word: reaches the process that waits for the run's end.
 
     Raises:
-        Refused: if nothing can be resumed, what the run is made of has changed, or it waits for `hil ack`.
+        Refused: if the run cannot be resumed, its inputs have changed, or it waits for `hil ack`.
     """
     auditing.begin()  # before drivers and the like of others are imported
     earlier = find_earlier(folder)
@@ -157,7 +157,7 @@ def _run(
 
 @contextmanager
 def _rare_collections() -> Iterator[None]:
-    """Look for garbage in circles less often: a run makes little, and each look passes all that was loaded."""
+    """Collect cyclic garbage less often: a run makes little, and each collection traverses all that was loaded."""
     before = gc.get_threshold()
     gc.set_threshold(*_COLLECTED)
     try:
@@ -167,14 +167,14 @@ def _rare_collections() -> Iterator[None]:
 
 
 def _collect_from_now_on() -> None:
-    """Let a process that was started for a run look for garbage, but not in what it has loaded."""
+    """Enable garbage collection in a process started for a run, except for what it has loaded."""
     if not gc.isenabled():
         gc.freeze()
         gc.enable()
 
 
 class _RunProcess:
-    """The process that was started for one run, and is left if the run cannot continue.
+    """The process started for one run, which is ended if the run cannot continue.
 
     Args:
         opener: opens the session.
@@ -192,7 +192,7 @@ class _RunProcess:
         self._notifier: Notifier | None = None
 
     def open(self, configuration: Configuration, planned: Sequence[PlannedCase]) -> Session:
-        """Open the session, with everybody who watches it."""
+        """Open the session, with all its spectators."""
         _collect_from_now_on()
         progress = Progress(self._out, verbose=self._verbose)
         notifier = Notifier(configuration.workspace.notify, configuration.workspace.root)
@@ -206,24 +206,24 @@ class _RunProcess:
         return session
 
     def diverged(self, error: Diverged) -> None:
-        """End the process of a resumed run that does not come to its past again; nothing of it has been driven."""
+        """End the process of a resumed run that does not retrace its past; nothing has been driven."""
         if self._session is None:
             return
         if self._session.flags.reason:
             self.stopped_early()  # on the way to the safe state it leaves its record
-        told = f"hil: {self._session.folder.name} cannot be resumed: {error.first}"
-        _complain(told, "     it is unchanged; seal it with hil seal")
+        problem = f"hil: {self._session.folder.name} cannot be resumed: {error.first}"
+        _complain(problem, "     it is unchanged; seal it with hil seal")
         self._word.leave(_INTERNAL)
 
     def stopped_early(self) -> None:
-        """End the process of a resumed run that is to stop before it has come to its past again."""
+        """End the process of a resumed run that was told to stop before it had retraced its past."""
         if self._session is not None:
-            told = f"hil: {self._session.folder.name} was stopped before it resumed"
-            _complain(told, f"     its record is unchanged; how to go on: hil status {self._session.folder.name}")
+            problem = f"hil: {self._session.folder.name} was stopped before it resumed"
+            _complain(problem, f"     its record is unchanged; how to go on: hil status {self._session.folder.name}")
             self._word.leave(EXIT_INTERRUPTED)
 
     def expect(self, seconds: float | None) -> None:
-        """Let the process end if a case does not come back from a call within so many seconds."""
+        """Have the process ended if a case does not return from a call within this many seconds."""
         self._word.expect(seconds)
 
     def given_up(self) -> None:
@@ -238,7 +238,7 @@ class _RunProcess:
 
 
 def _attend(session: Session, notifier: Notifier) -> None:
-    """Let the bench be armed only with the people that it needs; one that lives in this process needs nobody.
+    """Have the bench armed only with the people that it needs; one in this process needs nobody.
 
     Args:
         session: the run, before its bench is armed.
@@ -266,7 +266,7 @@ def _attend(session: Session, notifier: Notifier) -> None:
 
 
 def _keep_registers(its: Workspace, reports: Path) -> None:
-    """Let the ledger remember catalogue and registers as they are when a bench is driven; a run goes on without."""
+    """Keep the present catalogue and registers in the ledger when a bench is driven; a failure is only reported."""
     from hil.audit.reading import keep_present  # noqa: PLC0415 - only where a bench is driven
 
     if problem := keep_present(its.root, its.testplans, its.fixtures, reports):
@@ -308,21 +308,21 @@ def _close(session: Session, notifier: Notifier | None, pytest_code: int, out: T
         state = "sealed, but not every report was written" if is_sealed(session.folder) else "not sealed"
         _complain(f"hil: the run is {state}: {session.folder}")
         raise
-    if code == 0 and (findings := _looked_at(session.folder, digest)):
+    if code == 0 and (findings := _verified(session.folder, digest)):
         _complain(*findings)
         code = _INTERNAL
     word.sealed(code)
     if problem := copy_junit(session.folder, session.configuration.request.junit):
         _complain(f"hil: {problem}")
     try:
-        _tell(session, digest, out)
+        _report(session, digest, out)
     except (OSError, ValueError, KeyboardInterrupt, MemoryError):
         _complain(f"hil: standard output could not be written; the package is {session.folder}")
     return code
 
 
 def _leaves_uncovered(folder: Path) -> bool:
-    """Return whether a run that is about to be sealed says nothing of some requirement of its plans."""
+    """Return whether a run about to be sealed leaves a requirement of its plans uncovered."""
     from hil.evidence.journal.reader import read_journal  # noqa: PLC0415 - only where it is asked for
     from hil.evidence.results.derived import results_of  # noqa: PLC0415 - only where it is asked for
 
@@ -330,7 +330,7 @@ def _leaves_uncovered(folder: Path) -> bool:
 
 
 def _leave_open(session: Session, notifier: Notifier | None, code: int, out: TextIO) -> int:
-    """Leave a run unsealed that was stopped to be resumed, say how to resume it, and return the exit code."""
+    """Leave a run that was stopped to be resumed unsealed, report how to resume it, and return the exit code."""
     lost = session.keeper.scheduler.lost
     if lost and lost.reason == session.flags.reason:
         lines = lost_lines(session.folder, lost.reason, unsafe=session.keeper.unsafe)
@@ -345,8 +345,8 @@ def _leave_open(session: Session, notifier: Notifier | None, code: int, out: Tex
     return code
 
 
-def _looked_at(folder: Path, digest: str) -> tuple[str, ...]:
-    """Verify a package again, and return why its run does not pass, nothing if it does."""
+def _verified(folder: Path, digest: str) -> tuple[str, ...]:
+    """Verify the sealed package, and return why its run does not pass, empty if it does."""
     try:
         findings = _findings(folder, digest)
     except MemoryError:
@@ -355,7 +355,7 @@ def _looked_at(folder: Path, digest: str) -> tuple[str, ...]:
 
 
 def _findings(folder: Path, digest: str) -> tuple[str, ...]:
-    """Return what is wrong with a package that was just sealed: everything of a small one, else its bytes."""
+    """Return what is wrong with a package just sealed: a full check of a small one, otherwise only its bytes."""
     from hil.evidence.package.bag import digest_of_manifest, hash_payload, manifest_text  # noqa: PLC0415 - heavy
     from hil.evidence.package.verification import verify  # noqa: PLC0415 - heavy
 
@@ -365,7 +365,7 @@ def _findings(folder: Path, digest: str) -> tuple[str, ...]:
     return () if intact else ("data: the files are not those that were sealed",)
 
 
-def _tell(session: Session, digest: str, out: TextIO) -> None:
+def _report(session: Session, digest: str, out: TextIO) -> None:
     from hil.evidence.results.outcome import read_outcome  # noqa: PLC0415 - not before the run
 
     lines = closing_lines(read_outcome((session.folder / RESULTS).read_bytes()))
@@ -383,6 +383,6 @@ def _complain(*lines: str) -> None:
 
 
 def _shown(path: Path) -> str:
-    with suppress(OSError, ValueError):  # somebody removed the folder that the run was started in, or it is elsewhere
+    with suppress(OSError, ValueError):  # the folder that the run was started in was removed, or does not contain it
         return str(path.relative_to(Path.cwd()))
     return str(path)

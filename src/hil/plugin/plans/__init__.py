@@ -1,1 +1,1 @@
-"""What the files of a plan hold: cases, their fixtures and names, and what is wrong with them."""
+"""The content of a plan's files: cases, their fixtures and names, and what is wrong with them."""

@@ -16,11 +16,11 @@ from hil.executive.session import Session
 __all__ = ["CASE_FIXTURES", "case_fixtures"]
 
 CASE_FIXTURES = ("artifact", "chart", "check", "clock", "iterations", "operator", "parameters", "record", "step")
-"""What every case can ask for, whatever its bench is."""
+"""The fixtures that every case can ask for, on any bench."""
 
 
 def case_fixtures(session: Callable[[], Session], roles: Iterable[str]) -> ModuleType:
-    """Return a module of fixtures; it is made per run, because the bench decides which roles there are."""
+    """Return a module of fixtures, created per run because the roles depend on the bench."""
     module = ModuleType("hil_case_fixtures", "Fixtures of one bench.")
 
     def provide(name: str, make: Callable[[Session, CaseRun], Any], doc: str) -> None:

@@ -1,4 +1,4 @@
-"""From pytest items to planned cases, with everything that is wrong with them."""
+"""Collection: turns pytest items into planned cases, and finds everything that is wrong with them."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ def plan_cases(items: Sequence[pytest.Item], configuration: Configuration) -> di
     """Return every case by its node id.
 
     Args:
-        items: what was collected from the plans as a whole.
+        items: everything collected from the plans.
         configuration: what the run is made of.
 
     Raises:
-        ConfigurationError: with every marker that the catalogue cannot follow, every gap in `over`, every name that
-            nothing provides, and every two cases of one id.
+        ConfigurationError: with every marker that does not fit the catalogue, every gap in `over`, every name that
+            nothing provides, and every duplicate case id.
     """
     findings = list(_twice(items))
     findings += [finding for item in items for finding in _item_findings(item, configuration)]
@@ -50,13 +50,13 @@ def plan_cases(items: Sequence[pytest.Item], configuration: Configuration) -> di
 
 
 def skipped_cases(planned: Mapping[str, PlannedCase], request: Request) -> dict[str, str]:
-    """Return the cases that the command line skips, or leaves out because it names the only ones, with the reason.
+    """Return the cases that the command line skips, or leaves out by selecting others, with the reason.
 
-    A name without parameters is the function with all of its cases. Where a case is named in both ways, its own reason
+    A name without parameters is the function with all of its cases. If a case is named in both ways, its own reason
     counts.
 
     Raises:
-        Refused: if a name is no case, or could be several functions, or has no reason, or if no case is left.
+        Refused: if a name is not a case, is ambiguous, or has no reason, or if no case is left.
     """
     only = {case for asked in request.only for case in _named_cases(planned, asked, "run")}
     skipped = {case: LEFT_OUT for case in planned if only and case not in only}
@@ -72,7 +72,7 @@ def skipped_cases(planned: Mapping[str, PlannedCase], request: Request) -> dict[
 
 
 def _named_cases(planned: Mapping[str, PlannedCase], asked: str, to: str) -> list[str]:
-    """Return the case of a name, or the cases of a function."""
+    """Return the case of this name, or the cases of the function."""
     found = [case for case in planned if _is_named(case, asked)]
     found = found or [case for case in planned if _is_named(_function_of(case), asked)]
     if len({_function_of(case) for case in found}) == 1:
@@ -87,13 +87,13 @@ def _is_named(case: str, asked: str) -> bool:
 
 
 def _function_of(case: str) -> str:
-    """Return a node id without the case's parameters, which may hold anything."""
+    """Return a node id without the case's parameters, which may contain anything."""
     place, _, within = case.partition("::")
     return f"{place}::{within.partition('[')[0]}"
 
 
 def _own_name(case: str) -> str:
-    """Return what people call a case: its function, with the parameters."""
+    """Return the short name of a case: its function, with the parameters."""
     return case[len(_function_of(case).rpartition("::")[0]) + 2 :]
 
 
@@ -112,7 +112,7 @@ def _planned(item: pytest.Item) -> PlannedCase:
 
 
 def _repeatable(item: pytest.Item) -> str | None:
-    """Return the reason of the marker, empty where there is none, None where it gives no reason."""
+    """Return the marker's reason, empty if there is no marker, None if it gives no reason."""
     mark = item.get_closest_marker("repeatable")
     if mark is None:
         return ""
@@ -121,7 +121,7 @@ def _repeatable(item: pytest.Item) -> str | None:
 
 
 def _max_duration_s(item: pytest.Item) -> float | None:
-    """Return what the marker says, NaN where it says no duration, None if there is none."""
+    """Return the marker's duration, NaN if it is not a duration, None if there is no marker."""
     mark = item.get_closest_marker("max_duration")
     if mark is None:
         return None
@@ -135,7 +135,7 @@ def _requirements(item: pytest.Item) -> tuple[str, ...]:
 
 
 def _item_findings(item: pytest.Item, configuration: Configuration) -> Iterator[Finding]:
-    """Yield what would stop this case, or leave it out of the evidence, after the bench was armed."""
+    """Yield what would stop this case, or leave it out of the evidence, once the bench is armed."""
     path, line, _ = item.location
     if item.path.parent not in configuration.plans:
         yield _at(path, line, "cases belong in the folder of their plan, not below it, so that they are evidence")
@@ -160,7 +160,7 @@ def _item_findings(item: pytest.Item, configuration: Configuration) -> Iterator[
 
 
 def _twice(items: Sequence[pytest.Item]) -> Iterator[Finding]:
-    """Yield every case whose id another one has, too: parameters that are joined may read alike."""
+    """Yield every case with a duplicate id: joined parameters may read alike."""
     seen: set[str] = set()
     for item in items:
         if item.nodeid in seen:
@@ -179,7 +179,7 @@ def _marker_findings(item: pytest.Item, catalogue: Catalogue) -> Iterator[Findin
 
 
 def _check_findings(item: pytest.Item, catalogue: Catalogue) -> Iterator[Finding]:
-    """Yield what is wrong with the checks that the case's code writes out."""
+    """Yield what is wrong with the literal checks in the case's code."""
     marked = [name for name in _requirements(item) if name in catalogue.ids]
     for written in written_checks(getattr(item, "function", item.runtest)):
         message = ""
@@ -200,7 +200,7 @@ def _check_findings(item: pytest.Item, catalogue: Catalogue) -> Iterator[Finding
 
 
 def _uncovered(items: Sequence[pytest.Item], catalogue: Catalogue) -> Iterator[Finding]:
-    """Yield what a requirement wants covered `over` case parameters, and no planned case covers."""
+    """Yield what a requirement wants covered `over` case parameters and no planned case covers."""
     for name in catalogue.ids:
         requirement = catalogue.requirement(name)
         marked = [item for item in items if name in _requirements(item)]

@@ -1,4 +1,4 @@
-"""The workspace's own fixtures, loaded by path, with a plain sentence where they cannot be."""
+"""Loads the workspace's own fixtures by path, with a plain sentence if that fails."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from hil.plugin.plans.plan_sources import hook_findings, imported_hooks
 __all__ = ["load_fixture_modules"]
 
 _ANYTHING = (Exception, SystemExit, pytest.skip.Exception)
-"""What importing somebody's module can raise."""
+"""What importing a workspace's module can raise."""
 
 
 def load_fixture_modules(configuration: Configuration, code: FrozenCode) -> dict[str, ModuleType]:

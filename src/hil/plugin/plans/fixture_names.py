@@ -1,4 +1,4 @@
-"""Names of fixtures, roles and parameters that a case's code writes out, compared before anything runs."""
+"""Checks the names of fixtures, roles and parameters in a case's code before anything runs."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def _has(bench: str, role: str, configuration: Configuration) -> bool:
     try:
         found = load_bench(workspace.benches, bench, workspace.root, driven=False)
     except (ConfigurationError, Refused):
-        return False  # a bench that cannot be read is not the one that was asked for
+        return False  # an unreadable bench is not the one asked for
     return any(wire.role == role for wire in found.wiring)
 
 
@@ -45,10 +45,10 @@ _FACADE = ("instrument", "wire")
 
 
 def name_findings(item: pytest.Item, configuration: Configuration) -> Iterator[Finding]:
-    """Yield every name in a case and its fixtures that nobody provides, or that is not there to be taken.
+    """Yield every name in a case and its fixtures that nothing provides, or that does not exist on what is provided.
 
-    pytest says what a case asks for in no public way before it runs; where its own notes look otherwise, the case's
-    set-up tells.
+    pytest has no public way to say what a case asks for before it runs; if its internal records look different, the
+    case's set-up reports the error.
     """
     provided: Mapping[str, Sequence[Any]] | None = getattr(
         getattr(item, "_fixtureinfo", None), "name2fixturedefs", None
@@ -68,7 +68,7 @@ def name_findings(item: pytest.Item, configuration: Configuration) -> Iterator[F
     yield from _outliving(provided, ours, configuration)
     helpers = _helpers(item, configuration)
     for function in (*functions, *helpers):
-        # A function that is not a fixture may be given anything as its `supply`; `parameters` were handed on by name.
+        # A function that is not a fixture may get anything as its `supply`; `parameters` were passed on by name.
         known = ours & {"parameters"} if function in helpers else ours
         for written in written_names(function):
             if written.path[0] in known:
@@ -78,7 +78,7 @@ def name_findings(item: pytest.Item, configuration: Configuration) -> Iterator[F
 def _outliving(
     provided: Mapping[str, Sequence[Any]], ours: Collection[str], configuration: Configuration
 ) -> Iterator[Finding]:
-    """Yield every fixture that would be kept for several cases, and asks for what is one case's own."""
+    """Yield every fixture with a scope beyond one case that asks for something of one case."""
     for definitions in provided.values():
         for each in definitions:
             asked = [name for name in getattr(each, "argnames", ()) if name in ours]
@@ -138,7 +138,7 @@ def _unprovided(
 def _functions(
     item: pytest.Item, provided: Mapping[str, Sequence[Any]], configuration: Configuration
 ) -> tuple[Callable[..., object], ...]:
-    """Return the case and the workspace's fixtures that it stands on."""
+    """Return the case and the workspace's fixtures that it uses."""
     workspace = configuration.workspace
     fixtures = [each.func for definitions in provided.values() for each in definitions]
     mine = [
@@ -152,7 +152,7 @@ def _functions(
 
 
 def _helpers(item: pytest.Item, configuration: Configuration) -> tuple[Callable[..., object], ...]:
-    """Return the functions of the case's module that take `parameters` and that some function hands its own to."""
+    """Return the functions of the case's module that take `parameters` and get a function's own passed on."""
     module = getattr(item, "module", None)
     functions = [each for each in vars(module).values() if inspect.isfunction(each)] if module else []
     names = given_to(configuration.inputs.snapshot.take(item.path), "parameters")
@@ -160,7 +160,7 @@ def _helpers(item: pytest.Item, configuration: Configuration) -> tuple[Callable[
 
 
 def _roles(configuration: Configuration) -> dict[str, dict[str, Collection[str]]]:
-    """Return every role of the bench with its instances, and what those can do."""
+    """Return every role of the bench with its instances and their capabilities."""
     roles: dict[str, dict[str, Collection[str]]] = {}
     for wire in configuration.bench.wiring:
         roles.setdefault(wire.role, {})[wire.instance] = (*ROLES[wire.role].operations, *_FACADE)

@@ -1,4 +1,4 @@
-"""Modules of the workspace, compiled from what is frozen and not from what is on the disk by then."""
+"""Modules of the workspace, compiled from their frozen source and not from what is on disk by then."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ __all__ = ["FrozenCode", "frozen_code"]
 
 @contextmanager
 def frozen_code(configuration: Configuration) -> Iterator[FrozenCode]:
-    """Load the workspace's modules from what is frozen, and notice what they open, until the context is left."""
+    """Load the workspace's modules from frozen source, and notice what they open, until the context is left."""
     inputs, ground = configuration.inputs, configuration.ground
     code = FrozenCode(inputs, ground, configuration.workspace.testplans, helper_modules(configuration))
     with watched(inputs, ground), code.first():
@@ -36,19 +36,19 @@ def frozen_code(configuration: Configuration) -> Iterator[FrozenCode]:
 
 
 class FrozenCode(MetaPathFinder):
-    """Finds the workspace's modules before anybody else does, and compiles them from their frozen source.
+    """Finds the workspace's modules before any other finder, and compiles them from their frozen source.
 
-    Paths, tracebacks and sources that people see are those of the workspace. What is imported for the first time in
-    the middle of a case is read, and frozen, then. No compiled copy is read or written.
+    Paths, tracebacks and sources that people see are those of the workspace. A module first imported in the middle of
+    a case is read, and frozen, then. No compiled copy is read or written.
 
     Args:
-        inputs: gives the source.
+        inputs: provides the source.
         ground: where modules are found.
         testplans: the folder whose modules hold cases.
-        helpers: the modules beside cases, which these import by name.
+        helpers: the modules beside cases, which the cases import by name.
 
     Attributes:
-        intact: tells what the code replaced of the product.
+        intact: reports what the code replaced in the product.
     """
 
     def __init__(self, inputs: Inputs, ground: Ground, testplans: Path, helpers: Mapping[str, Path]) -> None:
@@ -62,7 +62,7 @@ class FrozenCode(MetaPathFinder):
 
     @contextmanager
     def first(self) -> Iterator[None]:
-        """Be asked first for every module, until the context is left."""
+        """Be the first finder for every module, until the context is left."""
         self._come_first()
         try:
             yield
@@ -73,7 +73,7 @@ class FrozenCode(MetaPathFinder):
                 linecache.cache.pop(name, None)
 
     def serve(self, config: pytest.Config) -> None:
-        """Rewrite the assertions of cases as this pytest does, and be asked before it."""
+        """Rewrite the assertions of cases as this pytest does, and come before it."""
         self._config = config if config.getoption("assertmode", "rewrite") == "rewrite" else None
         self._come_first()
 
@@ -107,7 +107,7 @@ class FrozenCode(MetaPathFinder):
         return self.spec_of(fullname, Path(spec.origin)) if type(spec.loader) is SourceFileLoader else None
 
     def spec_of(self, name: str, path: Path) -> ModuleSpec:
-        """Return how a file of the workspace becomes the module of this name."""
+        """Return the spec by which a file of the workspace becomes the module of this name."""
         loader = _FrozenLoader(name, str(path), self)
         package = [str(path.parent)] if path.name == "__init__.py" else None
         spec = spec_from_file_location(name, path, loader=loader, submodule_search_locations=package)
@@ -116,7 +116,7 @@ class FrozenCode(MetaPathFinder):
         return spec
 
     def source(self, path: str) -> bytes:
-        """Return a module's frozen source, which is also shown wherever a traceback goes through it."""
+        """Return a module's frozen source, which tracebacks show, too."""
         data = self._inputs.code(Path(path))
         text = data.decode("utf-8", "replace")
         linecache.cache[path] = (len(data), None, text.splitlines(keepends=True), path)
@@ -124,7 +124,7 @@ class FrozenCode(MetaPathFinder):
         return data
 
     def compiled(self, data: bytes, path: str) -> CodeType:
-        """Return the code of a module, with rewritten assertions where it holds cases."""
+        """Return the code of a module, with rewritten assertions if it holds cases."""
         file = Path(path)
         if self._config is None or not file.is_relative_to(self._testplans) or not file.name.startswith("test_"):
             return compile(data, path, "exec", dont_inherit=True)
@@ -141,7 +141,7 @@ class _FrozenLoader(SourceFileLoader):
         self._frozen = frozen
 
     def exec_module(self, module: ModuleType) -> None:
-        """Execute the module; what it makes of the recursion limit would end the run itself."""
+        """Execute the module, and restore the recursion limit, which could end the run itself."""
         limit = sys.getrecursionlimit()
         try:
             super().exec_module(module)
@@ -149,11 +149,11 @@ class _FrozenLoader(SourceFileLoader):
             sys.setrecursionlimit(limit)
 
     def get_data(self, path: str) -> bytes:
-        """Return the frozen source; what else somebody wants of a package is opened like any other file."""
+        """Return the frozen source; any other data of a package is opened like any other file."""
         return self._frozen.source(path) if path == self.path else super().get_data(path)
 
     def path_stats(self, path: str) -> dict[str, object]:
-        """Know of no time at which the source was changed, so that no compiled copy is ever used."""
+        """Raise, because no modification time is known, so that no compiled copy is ever used."""
         raise OSError(path)
 
     def source_to_code(self, data: bytes, path: str, *, _optimize: int = -1) -> CodeType:  # type: ignore[override]

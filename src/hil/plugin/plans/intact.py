@@ -1,4 +1,4 @@
-"""Whether the product is what it was before code of the workspace was loaded: nothing in it was replaced."""
+"""Integrity of the product: whether the workspace's code has replaced anything in it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ __all__ = ["Intact", "Replaced"]
 _ROOMS = frozenset(
     {"analysis", "bench", "clock", "evidence", "executive", "instruments", "model", "requirements", "wire"}
 )
-"""What measures, judges and records."""
+"""The packages that measure, judge and record."""
 
 _CONSTANTS = (bool, float, frozenset, int, str, tuple)
 _CALLED = (BuiltinFunctionType, FunctionType, classmethod, property, staticmethod, type)
@@ -24,11 +24,11 @@ _PASSING = frozenset({"__abstractmethods__", "__doc__", "__module__"})
 
 
 class Replaced(HilError):
-    """Code of the workspace put something else in place of a part of the product."""
+    """Code of the workspace has replaced a part of the product."""
 
 
 class _Owner(NamedTuple):
-    """A module or a class: its dotted name, its names as they are now, what they stood for, and since when."""
+    """A module or class: its dotted name, its names as they are now, what they referred to, and since when."""
 
     named: str
     now: Mapping[str, object]
@@ -37,13 +37,13 @@ class _Owner(NamedTuple):
 
 
 class Intact:
-    """Tells what of the product was replaced since this was made; modules that are loaded later count from then on.
+    """Finds what was replaced in the product since this was created; modules loaded later count from then on.
 
-    What is put back before anybody looks is not noticed. What a source shows of it is told all the same, see
+    What is put back before a check is not noticed. What the source shows of it is reported anyway, see
     `hil.executive.setup.reach`.
 
     Args:
-        is_own: whether code is of the workspace, by the path that it was compiled with.
+        is_own: whether code belongs to the workspace, by the path that it was compiled with.
     """
 
     def __init__(self, is_own: Callable[[str], bool]) -> None:
@@ -53,7 +53,7 @@ class Intact:
         self._take_in()
 
     def replaced(self) -> Iterator[Replaced]:
-        """Yield an error for every name of the product that stands for something else than before."""
+        """Yield an error for every name of the product that refers to something else than before."""
         hint = "measure and judge with what the case is given"
         names = [name for name, module in self._modules.items() if sys.modules.get(name) is not module]
         recoded = {since: _recoded(since) for since in {owner.since for owner in self._owners}}
@@ -70,7 +70,7 @@ class Intact:
         return type(value) is FunctionType and self._is_own(value.__code__.co_filename)
 
     def _take_in(self) -> None:
-        """Take in the modules that were loaded since."""
+        """Add the modules that were loaded since."""
         for name, module in list(sys.modules.items()):
             if name not in self._modules and name.startswith("hil.") and name.split(".", 2)[1] in _ROOMS:
                 self._modules[name] = module
@@ -97,7 +97,7 @@ def _owner(named: str, now: Mapping[str, object]) -> _Owner:
 def _changed(owner: _Owner, recoded: frozenset[FunctionType]) -> list[str]:
     now, then = owner.now, owner.then
     if not recoded and not any(map(is_not, map(now.get, then), then.values())):
-        return []  # as nearly always, some hundred times after every phase of a case
+        return []  # nearly always; called some hundred times after every phase of a case
     return [
         name
         for name, value in then.items()
@@ -106,7 +106,7 @@ def _changed(owner: _Owner, recoded: frozenset[FunctionType]) -> list[str]:
 
 
 def _recoded(since: int) -> frozenset[FunctionType]:
-    """Return the functions that have other code or defaults than they had first."""
+    """Return the functions whose code or defaults have changed."""
     first: dict[FunctionType, tuple[object, object]] = {}
     for function, before in auditing.recoded(since):
         first.setdefault(function, before)

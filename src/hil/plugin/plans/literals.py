@@ -1,4 +1,4 @@
-"""What is written out in a case's code, found before it runs: its checks, and the names that it takes from fixtures."""
+"""Literals in a case's code, found before it runs: its checks, and the names that it takes from fixtures."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class WrittenCheck:
     Attributes:
         requirement: its first argument.
         parameter: its second argument.
-        of: its `of` where that is a literal text, too; else None.
+        of: its `of` if that is a literal text, too; otherwise None.
         line: line of the file, from 1.
         column: column of the line, from 1.
     """
@@ -38,7 +38,7 @@ class WrittenName:
     """An attribute of one of a function's arguments, such as `supply.coil.voltage`.
 
     Attributes:
-        path: the argument and what is taken from it, one after the other.
+        path: the argument and the attributes taken from it, in order.
         line: line of the file, from 1.
         column: column of the line, from 1.
     """
@@ -50,18 +50,18 @@ class WrittenName:
 
 @lru_cache(maxsize=256)
 def written_checks(function: Callable[..., object]) -> tuple[WrittenCheck, ...]:
-    """Return the literal checks of a case's own code; what it calls elsewhere shows when it runs.
+    """Return the literal checks in a case's own code; those in code that it calls show when it runs.
 
-    It is read once: a parametrised case is one function.
+    The code is read once: a parametrised case is one function.
     """
     return tuple(_checks(function))
 
 
 @lru_cache(maxsize=256)
 def written_names(function: Callable[..., object]) -> tuple[WrittenName, ...]:
-    """Return what a function takes from its arguments by name, the longest paths only.
+    """Return the attributes that a function takes from its arguments, the longest paths only.
 
-    An argument that the function rebinds is left out: it may be something else then.
+    An argument that the function rebinds is left out: it may then be something else.
     """
     return tuple(_taken(function))
 
@@ -89,7 +89,7 @@ def _taken(function: Callable[..., object]) -> Iterator[WrittenName]:
 
 @lru_cache(maxsize=256)
 def returned_lines(function: Callable[..., object]) -> tuple[int, ...]:
-    """Return the lines of the file in which a function itself returns something, not one that is defined within it."""
+    """Return the lines of the file in which a function itself, not one defined within it, returns something."""
     return tuple(
         first + each.lineno - 1
         for node, first, _ in _nodes(function)
@@ -108,7 +108,7 @@ def _returns(node: ast.AST) -> Iterator[ast.Return]:
 
 @lru_cache(maxsize=64)
 def given_to(source: bytes, argument: str) -> frozenset[str]:
-    """Return the functions that code calls with something of that very name; none where it cannot be read."""
+    """Return the functions that code calls with an argument of exactly this name; none if it cannot be parsed."""
     try:
         tree = ast.parse(source)
     except (SyntaxError, ValueError):
@@ -129,7 +129,7 @@ def _is_path(node: ast.expr) -> bool:
 
 
 def _nodes(function: Callable[..., object]) -> Iterator[tuple[ast.AST, int, int]]:
-    """Yield every node of a function's source with its line and column in the file; none where it has no source."""
+    """Yield every node of a function's source with its line and column in the file; none if it has no source."""
     try:
         lines, start = inspect.getsourcelines(function)
     except (OSError, TypeError):
@@ -138,7 +138,7 @@ def _nodes(function: Callable[..., object]) -> Iterator[tuple[ast.AST, int, int]
     indent = len(lines[0]) - len(lines[0].lstrip())
     try:
         tree = ast.parse(source)
-    except SyntaxError:  # a text in the first column keeps an indented function from being taken out
+    except SyntaxError:  # a text in the first column prevents dedenting an indented function
         return
     for node in ast.walk(tree):
         yield node, start + getattr(node, "lineno", 1) - 1, getattr(node, "col_offset", 0) + indent + 1

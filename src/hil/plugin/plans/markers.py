@@ -9,7 +9,7 @@ MARKERS = (
     "max_duration(seconds): bench time after which this case is an ERROR (default: one hour)",
     "repeatable(reason): an attempt of this case that an interruption left without a verdict does not count",
 )
-"""Ours, as pytest takes them."""
+"""The markers of `hil`, in pytest's form."""
 
 KNOWN = (*(each.partition("(")[0] for each in MARKERS), "parametrize", "skip", "skipif", "usefixtures", "xfail")
-"""The names of all of them."""
+"""The names of all markers that a case can have."""

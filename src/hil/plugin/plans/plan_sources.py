@@ -1,4 +1,4 @@
-"""What the files of a plan and of the workspace may not hold: hooks, second cases of one name, cases that are lost."""
+"""Checks of the sources of plans and workspace: no hooks, no duplicate names, no cases that are not collected."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ _BRINGS = "pytest hooks and plugins would come between a case and its verdict: t
 
 
 def refuse_sources(configuration: Configuration) -> None:
-    """Refuse, before pytest reads anything of it, what in and around the plans would decide what a case is worth.
+    """Refuse, before pytest reads any of it, whatever in and around the plans could change what a case is worth.
 
     Raises:
         ConfigurationError: with every `conftest.py` in a plan, and from the testplans up to the workspace; with every
-            hook in the modules of a plan, every case that another of its name replaces, and every second fixture of one
-            name in a file of a plan, or in all files of the workspace's fixtures; with every import of a module beside
-            cases whose name means another one, too.
+            hook in the modules of a plan, every case replaced by another of its name, and every duplicate fixture
+            name in a file of a plan, or in all files of the workspace's fixtures; with every ambiguous import of a
+            module beside cases.
     """
     fixtures, inputs = configuration.workspace.fixtures, configuration.inputs
     findings = list(_conftests(configuration.workspace, configuration.plans))
@@ -46,10 +46,10 @@ def refuse_sources(configuration: Configuration) -> None:
 
 
 def helper_modules(configuration: Configuration) -> dict[str, Path]:
-    """Return the modules beside the cases of the run's plans, which these import by name.
+    """Return the modules beside the cases of the run's plans, which the cases import by name.
 
-    Not among them is one that has the name of a module of Python or of an installed one, which everybody else means,
-    and none of two in several plans.
+    Excluded are modules named like one of Python's or an installed one, which all other code means by that name, and
+    those with the same name in several plans.
     """
     found: dict[str, Path | None] = {}
     for plan in configuration.plans:
@@ -72,7 +72,7 @@ def _is_elsewhere(name: str, configuration: Configuration) -> bool:
 
 
 def _ambiguous_imports(plan: Path, configuration: Configuration) -> Iterator[Finding]:
-    """Yield every import of a module beside the cases that would be another one, or one of another plan."""
+    """Yield every import of a module beside the cases that would get another one, or one of another plan."""
     inputs = configuration.inputs
     usable, beside = helper_modules(configuration), _beside(plan, inputs)
     taken = beside.keys() - {name for name, path in usable.items() if path == beside.get(name)}
@@ -99,7 +99,7 @@ def _imported(node: ast.Import | ast.ImportFrom) -> list[str]:
 
 
 def _tree(path: Path, inputs: Inputs) -> ast.Module | None:
-    """Return the tree of a frozen file, None for one that Python cannot read: importing it shows the error."""
+    """Return the syntax tree of a frozen file, None if it cannot be parsed: importing it shows the error."""
     try:
         return parsed(inputs.snapshot.take(path))
     except (OSError, SyntaxError, ValueError):
@@ -107,13 +107,13 @@ def _tree(path: Path, inputs: Inputs) -> ast.Module | None:
 
 
 def hook_findings(path: Path, inputs: Inputs) -> Iterator[Finding]:
-    """Yield every hook that a module of fixtures writes out; a file that Python cannot read has none."""
+    """Yield every hook defined in a module of fixtures; none if the file cannot be parsed."""
     if (tree := _tree(path, inputs)) is not None:
         yield from _hooks(tree, inputs.shown(path))
 
 
 def imported_hooks(module: ModuleType, shown: str) -> Iterator[Finding]:
-    """Yield every hook that a loaded module holds, from wherever it came."""
+    """Yield every hook in a loaded module, wherever it came from."""
     for name, value in sorted(vars(module).items()):
         if name in _OWN or (name.startswith("pytest_") and inspect.isroutine(value)):
             yield Finding(shown, 0, 0, f"'{name}': {_BRINGS}")
@@ -145,7 +145,7 @@ def _hooks(tree: ast.Module, shown: str) -> Iterator[Finding]:
 
 
 def _replaced(body: Sequence[ast.stmt], shown: str) -> Iterator[Finding]:
-    """Yield every later name of a case, or of a class of cases, that Python would forget the earlier one for."""
+    """Yield every redefinition of a case, or of a class of cases, which would replace the earlier one."""
     first: dict[str, ast.stmt] = {}
     for name, node in _bound(body):
         if not name.startswith(_CASES):
@@ -162,7 +162,7 @@ def _replaced(body: Sequence[ast.stmt], shown: str) -> Iterator[Finding]:
 
 
 def _fixtures_twice(paths: Sequence[Path], inputs: Inputs) -> Iterator[Finding]:
-    """Yield every second fixture of one name: which one a case gets would be nobody's decision."""
+    """Yield every duplicate fixture name: which one a case gets would be left to chance."""
     first: dict[str, str] = {}
     for path in paths:
         tree, shown = _tree(path, inputs), inputs.shown(path)
@@ -176,7 +176,7 @@ def _fixtures_twice(paths: Sequence[Path], inputs: Inputs) -> Iterator[Finding]:
 
 
 def _fixture_name(node: ast.FunctionDef) -> str | None:
-    """Return by which name cases ask for this function, None if it is not a fixture."""
+    """Return the name by which cases ask for this fixture, None if it is not one."""
     for each in node.decorator_list:
         call = each.func if isinstance(each, ast.Call) else each
         if getattr(call, "attr", getattr(call, "id", "")) == "fixture":
@@ -186,7 +186,7 @@ def _fixture_name(node: ast.FunctionDef) -> str | None:
 
 
 def _bound(body: Sequence[ast.stmt]) -> Iterator[tuple[str, ast.stmt]]:
-    """Yield every name that statements bind or delete, also below conditions and loops, not within functions."""
+    """Yield every name that statements bind or delete, including in conditions and loops, but not in functions."""
     for node in body:
         match node:
             case ast.FunctionDef() | ast.AsyncFunctionDef() | ast.ClassDef():
@@ -229,13 +229,13 @@ _WHY = (
 
 
 def lost_cases(items: Sequence[pytest.Item], configuration: Configuration) -> Iterator[Finding]:
-    """Yield everything in the plans that is a case by its name or its marker, and was not collected.
+    """Yield everything in the plans that is a case by its name or its marker but was not collected.
 
-    Every file below a plan's folder is looked at, whatever its folders are called, and everything in it: functions in
+    Every file below a plan's folder is searched, whatever its folders are called, and everything in it: nested
     functions, and names that something was assigned to.
 
     Args:
-        items: what was collected from the plans as a whole.
+        items: everything collected from the plans.
         configuration: names plans and their frozen files.
     """
     inputs = configuration.inputs
@@ -257,7 +257,7 @@ _Place = tuple[Path, str | int]
 
 
 def _places(item: pytest.Item) -> Iterator[_Place]:
-    """Yield where a case stands: its name in its file, and the first line of its code, which a base class may hold."""
+    """Yield where a case is defined: its name in its file, and the first line of its code, perhaps of a base class."""
     yield item.path, item.nodeid.partition("::")[2].partition("[")[0].replace("::", ".")
     code = getattr(inspect.unwrap(getattr(item, "function", item.runtest)), "__code__", None)
     if code is not None:
@@ -265,7 +265,7 @@ def _places(item: pytest.Item) -> Iterator[_Place]:
 
 
 def _candidates(tree: ast.AST, within: str = "") -> Iterator[tuple[str, _Function | _Assigned]]:
-    """Yield what a person takes for a case, with its qualified name, wherever it stands."""
+    """Yield what a reader would take for a case, with its qualified name, wherever it is."""
     for node in ast.iter_child_nodes(tree):
         if isinstance(node, _Function):
             marks = {_last_name(each) for each in node.decorator_list}
@@ -284,7 +284,7 @@ _LOCALS = "<locals>."
 
 
 def _assigned(node: _Assigned) -> Iterator[str]:
-    """Yield the names that a statement binds to what may be a case; a marker that is applied makes one of anything."""
+    """Yield the names that a statement binds to what may be a case; applying a marker makes anything a case."""
     if node.value is None:
         return
     targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", ast.Constant(None))]
@@ -306,7 +306,7 @@ def _is_collected(path: Path, name: str, collected: Collection[_Place]) -> bool:
 
 
 def _is_case(path: Path, name: str, value: ast.expr | None) -> bool:
-    """Return whether what was assigned to a name can be called; where nobody can know, whether it was written so."""
+    """Return whether what was assigned to a name is callable; if that is unknown, whether it is written as a case."""
     local = _LOCALS in name
     parts = () if value is None else _wrapped(value) if local else ast.walk(value)
     written = any(isinstance(each, ast.Lambda) or _is_applied(each) for each in parts)
@@ -320,7 +320,7 @@ def _is_case(path: Path, name: str, value: ast.expr | None) -> bool:
 
 
 def _wrapped(value: ast.expr) -> Iterator[ast.expr]:
-    """Yield a value and what it wraps as a decorator does: a lambda among other arguments is no case."""
+    """Yield a value and what it wraps like a decorator: a lambda among other arguments is not a case."""
     yield value
     while isinstance(value, ast.Call) and len(value.args) == 1 and not value.keywords:
         value = value.args[0]

@@ -1,4 +1,4 @@
-"""The questions that cases may ask, read from their code before anything is opened, and who answers them."""
+"""Questions that cases may ask, found in their code before anything is opened, and who answers them."""
 
 from __future__ import annotations
 
@@ -41,20 +41,20 @@ _FORMS = {
     "witness": "confirm",
 }
 _OF_CONNECT = 2
-"""With so many texts `attach` is the `connect` of older plans."""
+"""With this many texts `attach` is the `connect` of older plans."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Foreseen:
-    """A call of `operator` in the code that a case reaches.
+    """A call of `operator` in the code reachable from a case.
 
     Attributes:
-        pattern: which names the question may have.
-        name: its name, empty if it is put together.
-        question: what is known of it.
+        pattern: the names that the question may have.
+        name: its name, empty if it is composed.
+        question: what is known about it.
         options: whether its options are known.
         where: file and line of the call.
-        picture: what it shows, empty for nothing, and for a name that is put together.
+        picture: the picture that it shows, empty if none, or if its name is composed.
     """
 
     pattern: re.Pattern[str]
@@ -71,8 +71,8 @@ class Attended:
 
     Attributes:
         terminal: whether a person can answer at a terminal, or through the inbox.
-        simulated: what the simulated person knows besides confirmations, by name, if it answers; it has no files.
-        safety: whether a safety confirmation is a person's alone, because the bench is outside this process.
+        simulated: the answers that the simulated person knows besides confirmations, by name, if it answers; no files.
+        safety: whether only a person may give a safety confirmation, because the bench is outside this process.
     """
 
     terminal: bool
@@ -80,7 +80,7 @@ class Attended:
     safety: bool
 
     def answers(self, foreseen: Foreseen) -> bool:
-        """Return whether somebody answers a question that no file answers; of a name put together, whether one may."""
+        """Return whether somebody answers a question that no file answers; for a composed name, whether one may."""
         if self.simulated is None:
             return self.terminal
         form = foreseen.question.form
@@ -88,7 +88,7 @@ class Attended:
 
 
 def foreseen(item: pytest.Item, root: Path) -> tuple[Foreseen, ...]:
-    """Return the questions that a case may ask, by its own code, that of its fixtures, and what they call in `root`."""
+    """Return the questions that a case may ask: in its own code, in its fixtures, and in what they call in `root`."""
     functions = [getattr(item, "function", None)]
     info = getattr(item, "_fixtureinfo", None)
     for found in getattr(info, "name2fixturedefs", {}).values():
@@ -97,7 +97,7 @@ def foreseen(item: pytest.Item, root: Path) -> tuple[Foreseen, ...]:
 
 
 def _reached(functions: Iterable[object], root: Path) -> Iterator[FunctionType]:
-    """Give functions and what they use of the workspace; of a class the methods whose names occur among them."""
+    """Yield functions and what they use from the workspace; of a class, the methods whose names occur in them."""
     waiting, tried, names = [*functions], set[int](), set[str]()
     classes: dict[type, None] = {}
     while waiting:
@@ -163,7 +163,7 @@ def _foreseen(call: ast.Call, where: str, known: Mapping[str, object]) -> Forese
     if attached and options is not None:
         try:
             options = kinds_of(options)
-        except Misused:  # the call says so
+        except Misused:  # the call reports it
             options = None
     place = 1 if shape == "connect" or function == "witness" else 0
     text = _word(call.args[place] if len(call.args) > place else given.get("text"), known)
@@ -189,7 +189,7 @@ def _foreseen(call: ast.Call, where: str, known: Mapping[str, object]) -> Forese
 
 
 def _word(node: ast.expr | None, known: Mapping[str, object]) -> str:
-    """Return a text that is written out, or is a constant of its module; empty for any other."""
+    """Return a text that is a literal or a constant of its module; empty for anything else."""
     if isinstance(node, ast.Name):
         value = known.get(node.id)
         return value if isinstance(value, str) else ""
@@ -221,20 +221,20 @@ def require_answers(
     witnesses: Witnesses,
     shown: Callable[[Path], str],
 ) -> None:
-    """Require of the answers file, and of who is there, that every question gets an answer before anything is opened.
+    """Require, before anything is opened, that the answers file or somebody present will answer every question.
 
     Args:
-        asked: what all cases of the plans may ask, whether they are run or not.
-        due: what those may ask that are run.
+        asked: the questions of all cases of the plans, whether they are run or not.
+        due: the questions of the cases that are run.
         request: names the answers file.
         attended: who answers what the file does not.
-        witnesses: says who may witness an answer.
+        witnesses: knows who may witness an answer.
         shown: returns a path as people see it.
 
     Raises:
-        ConfigurationError: with every answer that nobody asks for, that does not fit its question, or whose file cannot
-            be taken, by its place in the answers file, and with every question without an answer.
-        Refused: with the questions that nobody would answer, where there is no answers file.
+        ConfigurationError: with every answer that no case asks for, that does not fit its question, or whose file is
+            unusable, by its place in the answers file, and with every question without an answer.
+        Refused: with the questions that nobody would answer, if there is no answers file.
     """
     prepared = load_answers(request.answers, shown(request.answers)) if request.answers else Prepared(answers={})
     findings = list(_surplus(prepared, asked)) if request.answers else []
@@ -245,7 +245,7 @@ def require_answers(
     open_questions = [each for each in due if not _is_answered(each, prepared, attended)]
     if open_questions and request.answers:
         file = shown(request.answers)
-        findings += [Finding(file, 0, 0, f"no answer to {_told(each)}") for each in open_questions]
+        findings += [Finding(file, 0, 0, f"no answer to {_described(each)}") for each in open_questions]
     for each in due if attended.simulated is None else ():
         file, _, line = each.where.rpartition(":")
         if problem := witnesses.missing(each.question):
@@ -253,7 +253,7 @@ def require_answers(
     if findings:
         raise ConfigurationError(tuple(dict.fromkeys(findings)))
     if open_questions:
-        told = "; ".join(dict.fromkeys(map(_told, open_questions)))
+        told = "; ".join(dict.fromkeys(map(_described, open_questions)))
         hint = "each needs a person: give answers with --answers FILE, or run from a terminal"
         if attended.simulated is not None:
             hint = "the simulated person has no files, and knows what simulated.person in the bench file maps: give"
@@ -262,9 +262,9 @@ def require_answers(
 
 
 def require_witness_points(catalogue: Catalogue, run: Sequence[tuple[PlannedCase, Sequence[Foreseen]]]) -> None:
-    """Require that a witness whom a requirement asks for is asked for by a case of it, too.
+    """Require that every witness demanded by a requirement is asked for by one of its cases.
 
-    Without one the run could not close the requirement, and who had to be present would be told afterwards.
+    Otherwise the run could not close the requirement, and the witness would learn only afterwards of being needed.
 
     Args:
         catalogue: the requirements.
@@ -289,14 +289,14 @@ def require_witness_points(catalogue: Catalogue, run: Sequence[tuple[PlannedCase
 def require_pictures(
     run: Sequence[tuple[PlannedCase, Sequence[Foreseen]]], picture_of: Callable[[str, str], object]
 ) -> None:
-    """Require the pictures that the cases show, which would else be missed in the middle of the run.
+    """Require the pictures that the cases show, rather than miss them in the middle of the run.
 
     Args:
         run: the cases that are run, each with the questions that it may ask.
-        picture_of: returns a picture by the name of its plan and its path in there.
+        picture_of: returns a picture by the name of its plan and its path in it.
 
     Raises:
-        ConfigurationError: with every picture that is missing, or is none, by the place of the question.
+        ConfigurationError: with every picture that is missing, or is not a picture, by the place of its question.
     """
     findings: dict[Finding, None] = {}
     for case, found in run:
@@ -312,13 +312,13 @@ def require_pictures(
 
 
 def _is_answered(each: Foreseen, prepared: Prepared, attended: Attended) -> bool:
-    """Return whether a question gets an answer; of one whose name is put together, whether any answer may be its."""
+    """Return whether a question gets an answer; for one with a composed name, whether any answer may be its."""
     if attended.safety and each.question.safety:
         return attended.terminal
     return attended.answers(each) or any(map(each.pattern.fullmatch, prepared.answers))
 
 
-def _told(each: Foreseen) -> str:
+def _described(each: Foreseen) -> str:
     question = each.question
     pattern = re.sub(r"\\(.)", r"\1", each.pattern.pattern.replace(".*", "..."))
     name = f"'{question.name}'" if question.name else f"a question named {pattern}"
@@ -339,7 +339,7 @@ def _surplus(prepared: Prepared, asked: Sequence[Foreseen]) -> Iterator[Finding]
 
 
 def _unfit(each: Foreseen, prepared: Prepared, folder: Path, witnesses: Witnesses) -> Iterator[Finding]:
-    """Give what is wrong with an answer, before it is given."""
+    """Yield what is wrong with an answer, before it is given."""
     question, said = each.question, prepared.answers[each.name]
     if question.form == FILE:
         if problem := problem_of(said_path(said, folder), question.options):

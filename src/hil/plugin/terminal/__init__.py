@@ -1,1 +1,1 @@
-"""What a person sees of a run, and how questions are answered."""
+"""The terminal: a run's progress, and the answers to its questions."""

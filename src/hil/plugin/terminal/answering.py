@@ -1,4 +1,4 @@
-"""Who answers the questions of a run: a file, the simulated person, or the person at the terminal."""
+"""Sources of answers to a run's questions: a file, the simulated person, or the person at the terminal."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ __all__ = ["acted_out", "answers_of"]
 
 
 def answers_of(request: Request, shown: Callable[[Path], str], witnesses: Witnesses) -> Answering:
-    """Return what makes the source of answers.
+    """Return the factory of the source of answers.
 
-    On a bench outside this process safety confirmations are a person's alone, whatever file was prepared.
+    On a bench outside this process only a person gives safety confirmations, whatever file was prepared.
 
     Args:
-        request: names the answers file, and says whether a person answers in the place of the simulated one.
+        request: names the answers file, and says whether a person answers instead of the simulated one.
         shown: returns a path as people see it.
-        witnesses: says who may witness an answer.
+        witnesses: knows who may witness an answer.
 
     Raises:
         ConfigurationError: with everything that is wrong with the answers file.
@@ -57,7 +57,7 @@ def answers_of(request: Request, shown: Callable[[Path], str], witnesses: Witnes
 
 
 def acted_out(answering: Answering) -> Answering:
-    """Let the simulated person of a simulated bench do what is answered, whoever answers; elsewhere nobody does."""
+    """Let the simulated person of a simulated bench carry out what is answered, whoever answers."""
 
     def make(bench: BoundBench, idle: Callable[[], None], elsewhere: Elsewhere) -> AnswerSource:
         source = answering(bench, idle, elsewhere)

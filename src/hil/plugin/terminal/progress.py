@@ -1,4 +1,4 @@
-"""Live progress: one line per event that a person at a bench wants to see, and one at the foot of the terminal."""
+"""Live progress: one line per event of interest to a person at the bench, and a status line on a terminal."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ _WIDTH = 80
 
 
 class StatusLine:
-    """Keeps one line below everything else on a terminal; on anything else it is a line of its own every hour.
+    """Keeps a status line below everything else on a terminal; elsewhere it is a line of its own every hour.
 
     Args:
         stream: where the line goes.
-        text: gives the line's text.
-        now: seconds on a wall clock that only goes forward.
+        text: returns the line's text.
+        now: seconds on a monotonic clock.
     """
 
     def __init__(self, stream: TextIO, text: Callable[[], str], now: Callable[[], float] = wall.monotonic) -> None:
@@ -51,7 +51,7 @@ class StatusLine:
         self.quiet = False
 
     def tick(self) -> None:
-        """Write the line, if that is due; what becomes of it changes nothing."""
+        """Write the line, if it is due; failures are ignored."""
         due = self._written + (_REFRESH_S if self._terminal else _MILESTONE_S)
         if self.quiet or self._now() < due:
             return
@@ -65,7 +65,7 @@ class StatusLine:
             self._stream.flush()
 
     def clear(self) -> None:
-        """Take the line away, because something else is written there."""
+        """Erase the line, because something else is about to be written there."""
         if self._shown:
             self._shown = False
             with suppress(OSError, ValueError):
@@ -108,14 +108,14 @@ class _Console(Console):
 class Progress:
     """Writes events as lines; without a terminal they are the same lines without colour.
 
-    On a terminal a line at its foot shows how far the run is, how long it will take, and what it reads now.
+    On a terminal, a status line shows how far the run is, how long it will take, and what it reads now.
 
     Args:
         stream: where the lines go.
         verbose: whether steps, effects and gates that hold are shown, too.
 
     Attributes:
-        effects: the kinds of effects that it has to be shown: what a case reads makes no line.
+        effects: the kinds of effects that it needs to see: what a case reads gets no line.
     """
 
     effects: ClassVar[frozenset[str]] = frozenset({"asks", "drives"})
@@ -125,7 +125,7 @@ class Progress:
         self._verbose = verbose
         self._cases: dict[str, events.PlannedCase] = {}
         self._begun = False
-        self._told: list[str] = []
+        self._shown_reasons: list[str] = []
         self._tripped = False
         self._left_out: Counter[str] = Counter()
         self._outlook = Outlook()
@@ -134,18 +134,18 @@ class Progress:
         self._status = StatusLine(stream, self._where)
 
     def follow(self, folder: Path, now: Callable[[], float]) -> None:
-        """Show from now on what the run in this folder reads, and its bench time `now` in s."""
+        """Show what the run in this folder reads from now on, and its bench time `now` in s."""
         self._readings, self._now = Readings(folder), now
 
     def pass_by(self, event: events.Event) -> None:
-        """Take an event in without a word, for a run that is joined in the middle of it."""
+        """Take an event without showing it, for a run that is joined in progress."""
         self._outlook.take(event)
         if isinstance(event, events.Planned):
             self._planned(event)
         self._begun = self._begun or type(event) is events.Gate
 
     def tick(self) -> None:
-        """Refresh the line at the foot, if that is due."""
+        """Refresh the status line, if it is due."""
         self._status.tick()
 
     def __call__(self, event: events.Event) -> None:
@@ -192,7 +192,7 @@ class Progress:
         self._line("armed: every readiness gate passed", "green")
 
     def _case(self, event: events.Case) -> None:
-        self._told = []
+        self._shown_reasons = []
         title = planned.title if (planned := self._cases.get(event.case)) else ""
         self._line("")
         self._line(f"[{self._outlook.ended + 1}/{len(self._cases)}] {_short(event.case)}  {title}", "bold")
@@ -228,7 +228,7 @@ class Progress:
         value = measured(event.value, event.expanded, event.unit)
         limit = limit_text(plain(event.limit), event.limit_unit)
         reason = f"  {event.reason}" if event.reason else ""
-        self._told.append(f"{event.requirement} {event.parameter}{of} is {event.verdict}: ")
+        self._shown_reasons.append(f"{event.requirement} {event.parameter}{of} is {event.verdict}: ")
         asked = f"({limit})  " if limit else ""
         text = Text(visible(f"  {event.requirement} {event.parameter}{of} = {value}  {asked}"))
         text.append(event.verdict, _STYLES[event.verdict])
@@ -243,7 +243,7 @@ class Progress:
 
     def _trip(self, event: events.Trip) -> None:
         self._tripped = True
-        self._told.append(event.text)
+        self._shown_reasons.append(event.text)
         self._line(f"  TRIP {event.limit}: {event.text}", "bold red")
 
     def _lost(self, event: events.Lost) -> None:
@@ -256,7 +256,7 @@ class Progress:
         text.append(f"  {duration(event.duration)} of bench time")
         self._print(text)
         for reason in in_short(event.verdict, event.reasons):
-            if not reason.startswith(tuple(self._told)):  # it stands beside its check
+            if not reason.startswith(tuple(self._shown_reasons)):  # already shown with its check
                 self._line(f"    {reason}")
 
     def _not_run(self, event: events.NotRun) -> None:
@@ -289,7 +289,7 @@ class Progress:
         self._line(f"  attachment: {attached(event.file, event.text, event.by)}")
 
     def _anomaly(self, event: events.Anomaly) -> None:
-        if self._verbose or self._begun:  # before the first gate they are those of the catalogue's sources
+        if self._verbose or self._begun:  # before the first gate they concern the catalogue's sources
             self._line(f"  anomaly: {event.text}", "yellow")
 
     def _safe(self, event: events.Safe) -> None:
@@ -299,7 +299,7 @@ class Progress:
 
     def _safe_end(self, event: events.SafeEnd) -> None:
         tripped, self._tripped = self._tripped, False
-        if tripped and event.ok:  # the end of the run says it again, of every output
+        if tripped and event.ok:  # the end of the run reports it again, for every output
             self._line("  made safe, and kept safe for the rest of the run", "green")
             return
         self._line("")
@@ -318,7 +318,7 @@ class Progress:
 
 
 def folded(text: Text, width: int) -> list[Text]:
-    """Return a line as lines that are not wider than a terminal, as `fitting` breaks them, in their colours."""
+    """Return a line wrapped to the terminal's width as `fitting` breaks it, with its colours."""
     lines, at = [], 0
     for piece in fitting([text.plain], width):
         words = piece.lstrip()
@@ -329,7 +329,7 @@ def folded(text: Text, width: int) -> list[Text]:
 
 
 def drawn(stream: TextIO) -> TextIO:
-    """Return where the product draws: a stream that makes every other text visible has one for that."""
+    """Return the stream to draw on: one that escapes control characters keeps another one for that."""
     return cast("TextIO", getattr(stream, "drawn", stream))
 
 

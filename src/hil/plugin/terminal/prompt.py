@@ -17,10 +17,10 @@ _BLOCK = 4096
 
 
 class Terminal:
-    """Standard input and standard error; a look for input never waits for long.
+    """Standard input and standard error; polling for input never waits for long.
 
-    Lines that are typed ahead answer ordinary questions, as at any prompt; before a safety confirmation they are
-    discarded, because nobody can have answered what was not asked yet.
+    Lines typed ahead answer ordinary questions, as at any prompt; before a safety confirmation they are discarded,
+    because a question that was not asked yet cannot have been answered.
     """
 
     def __init__(self) -> None:
@@ -31,9 +31,9 @@ class Terminal:
         _say(f"  ? {text} ")
 
     def discard(self) -> None:
-        """Throw away what was typed so far, and say so where lines were.
+        """Discard what was typed so far, and say so if there were lines.
 
-        A line that was begun and not entered goes, too; the terminal does not tell that there was one.
+        A line that was begun and not entered is discarded, too; the terminal does not report that there was one.
         """
         waited = bool(self._typed) or _waits()
         self._typed = b""
@@ -42,9 +42,9 @@ class Terminal:
             _say("  ! input typed before this question was asked is discarded\n")
 
     def line(self) -> str | None:
-        """Return a line with its newline if one was entered, None if not yet, an empty text once input has ended.
+        """Return a line with its newline if one was entered, None if not yet, an empty string once input has ended.
 
-        Lines that were typed ahead are kept here, where `select` does not see them any more.
+        Lines typed ahead are kept here, where `select` no longer sees them.
         """
         if b"\n" not in self._typed:
             if not _ready():
@@ -59,28 +59,28 @@ class Terminal:
 
 
 class NoTerminal:
-    """What an unattended run has in the place of a terminal: its log, in which nobody types."""
+    """The log of an unattended run, in place of a terminal; nobody types here."""
 
     def show(self, text: str) -> None:
-        """Show a line, and where it is answered."""
+        """Show a line, and where to answer it."""
         _say(f"  ? {text}  answer it with hil answer\n")
 
     def discard(self) -> None:
         """Do nothing: nobody has typed."""
 
     def line(self) -> None:
-        """Return that nothing was entered yet, a moment later."""
+        """Return None after a moment: nothing was entered yet."""
         wall.pause(_PATIENCE_S)
 
 
 def _say(text: str) -> None:
-    with suppress(OSError, ValueError):  # whether anybody is left shows at the next look for input
+    with suppress(OSError, ValueError):  # the next poll for input shows whether anybody is left
         sys.stderr.write(text)
         sys.stderr.flush()
 
 
 def _waits() -> bool:
-    """Return whether a line was entered that nobody has read yet."""
+    """Return whether a line was entered that has not been read yet."""
     try:
         return bool(select.select([sys.stdin], [], [], 0.0)[0])
     except (OSError, ValueError, TypeError):
@@ -88,19 +88,19 @@ def _waits() -> bool:
 
 
 def _flush() -> None:
-    """Let the terminal forget what was typed; a run in the background is not stopped for it."""
+    """Flush the terminal's input; a run in the background is not stopped by that."""
     import termios  # noqa: PLC0415 - not there on every system that simulates
 
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTTOU})
     try:
-        with suppress(termios.error, OSError, ValueError, TypeError):  # it may be gone: the next look shows
+        with suppress(termios.error, OSError, ValueError, TypeError):  # it may be gone: the next poll shows that
             termios.tcflush(sys.stdin, termios.TCIFLUSH)
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _ready() -> bool:
-    """Return whether there is something to read, the end of input included; a closed one has ended."""
+    """Return whether there is something to read, including the end of input; closed input has ended."""
     try:
         return bool(select.select([sys.stdin], [], [], _PATIENCE_S)[0])
     except (OSError, ValueError, TypeError):
@@ -108,7 +108,7 @@ def _ready() -> bool:
 
 
 def _read() -> bytes:
-    """Return what was typed, nothing at the end of input and once the terminal is gone."""
+    """Return what was typed, empty at the end of input and once the terminal is gone."""
     try:
         return os.read(sys.stdin.fileno(), _BLOCK)
     except (OSError, ValueError, AttributeError):
