@@ -1,1 +1,1 @@
-"""Write down and verify: journal, recordings, the sealed package."""
+"""Evidence: journal, recordings, the sealed package and its verification."""

@@ -1,4 +1,4 @@
-"""Attempts that a case left unfinished: what they had learnt when their run was interrupted, and is void since."""
+"""Abandoned attempts of a case: what they had read when their run was interrupted, which is void now."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from hil.evidence.events import (
 __all__ = ["Abandoned", "abandoned"]
 
 _LEARNS = frozenset({"asks", "reads", "records"})
-_MOST_TOLD = 5
+_MOST_LISTED = 5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,10 +29,10 @@ class Abandoned:
 
     Attributes:
         case: the case.
-        void_to: the sequence number of its last event, which tells at which resumption it was given up.
+        void_to: the sequence number of its last event, which identifies the resumption at which it was given up.
         t: bench time of that event in s.
-        count: how much it had learnt: readings, answers, recordings and checks.
-        read: the newest of that, in words.
+        count: how many readings, answers, recordings and checks it had.
+        read: the newest of them, in words.
         how: what ended it.
     """
 
@@ -45,49 +45,49 @@ class Abandoned:
 
     @property
     def text(self) -> str:
-        """What it was, as a sentence without its end."""
+        """Description of the attempt, as a sentence without a full stop."""
         more = self.count - len(self.read)
-        told = f"{'; '.join(self.read)}{f' ({more} more before)' if more else ''}"
-        return f"{self.how} at {self.t:g} s without a verdict, after it had read {told}"
+        readings = f"{'; '.join(self.read)}{f' ({more} more before)' if more else ''}"
+        return f"{self.how} at {self.t:g} s without a verdict, after it had read {readings}"
 
     @property
     def counts(self) -> str:
-        """Why its case is ABORTED, where its plan does not declare it repeatable."""
+        """Why its case is ABORTED, if its plan does not declare it repeatable."""
         return f"an earlier attempt counts: {self.text}; the plan does not declare the case repeatable"
 
 
 def abandoned(happened: Iterable[Event], entry: Entry | None = None) -> tuple[Abandoned, ...]:
-    """Return the attempts that were given up whenever a run was entered again, in order.
+    """Return the attempts that were given up at each resumption of a run, in order.
 
-    Only what became void is read again: up to a checkpoint (a turn of a loop, a recording that continues, the end of a
-    case) everything stands. A killed run whose simulated bench goes on where it was leaves nothing void.
+    Only void events are examined: up to a checkpoint (a turn of a loop, a recording that continues, the end of a
+    case) everything stands. A killed run whose simulated bench continues where it was leaves nothing void.
 
     Args:
         happened: the events of the run.
-        entry: where it is entered now, if it is, and its journal does not tell yet.
+        entry: its current point of entry, if it is being resumed and its journal does not record that yet.
     """
     happened = tuple(happened)
     entries = [each.entry for each in happened if isinstance(each, Resumed) and each.entry]
     found: list[Abandoned] = []
-    told: list[tuple[int, int]] = []
+    covered: list[tuple[int, int]] = []
     for each in (*entries, *([entry] if entry else [])):
         void = [
             event
             for event in happened
             if event.origin is not Origin.OUTSIDE
             and each.boundary < event.seq <= each.void_to
-            and not any(first < event.seq <= last for first, last in told)
+            and not any(first < event.seq <= last for first, last in covered)
         ]
-        told.append((each.boundary, each.void_to))
+        covered.append((each.boundary, each.void_to))
         found += _given_up(void, happened, each)
     return tuple(found)
 
 
 def _given_up(void: Sequence[Event], happened: Sequence[Event], entry: Entry) -> list[Abandoned]:
-    """Return the attempts in a part of a run that is void."""
+    """Return the attempts in a void part of a run."""
     learnt: dict[str, list[str]] = {}
     for event in void:
-        if text := _told(event):
+        if text := _learnt(event):
             learnt.setdefault(str(getattr(event, "case", "")), []).append(text)
     for case, text in _rows(happened, void, entry):
         learnt.setdefault(case, []).append(text)
@@ -98,7 +98,7 @@ def _given_up(void: Sequence[Event], happened: Sequence[Event], entry: Entry) ->
             void_to=entry.void_to,
             t=max((event.t for event in void), default=0.0),
             count=len(texts),
-            read=tuple(texts[-_MOST_TOLD:]),
+            read=tuple(texts[-_MOST_LISTED:]),
             how=f"stopped by {stop.reason}" if stop else "interrupted",
         )
         for case, texts in learnt.items()
@@ -106,7 +106,7 @@ def _given_up(void: Sequence[Event], happened: Sequence[Event], entry: Entry) ->
 
 
 def _rows(happened: Sequence[Event], void: Sequence[Event], entry: Entry) -> Iterable[tuple[str, str]]:
-    """Give the recordings of cases that lost rows: begun before the point of entry, or after it."""
+    """Yield the recordings of cases that lost rows, whether begun before or after the point of entry."""
     begun = {event.recording: event for event in happened if isinstance(event, Recording) and event.case is not None}
     retaken = {event.recording for event in void if isinstance(event, Recording)}
     parts: Mapping[str, int] = {part.recording: part.end - part.first for part in entry.rows}
@@ -117,8 +117,8 @@ def _rows(happened: Sequence[Event], void: Sequence[Event], entry: Entry) -> Ite
             yield recording.case, f"recording {recording.name}{f', {rows} rows' if rows else ''}"
 
 
-def _told(event: Event) -> str:
-    """Return what a case learns by an event, in words; nothing where it learns nothing."""
+def _learnt(event: Event) -> str:
+    """Return what a case learns from an event, in words; empty if nothing."""
     match event:
         case Effect(effect=kind, raised="") if kind in _LEARNS:
             return f"{event.name} {_value(event.result)}".strip()
@@ -130,7 +130,7 @@ def _told(event: Event) -> str:
 
 
 def _value(result: object) -> str:
-    """Return what an effect gave, if it fits into a sentence."""
+    """Return the result of an effect, if it fits into a sentence."""
     if isinstance(result, Mapping) and "value" in result and "unit" in result:
         return f"{_number(result['value'])} {result['unit']}"
     return _number(result) if isinstance(result, str | int | float) else ""

@@ -1,4 +1,4 @@
-"""Files that are on the disk once a function returns, and regular files, the only ones that are read."""
+"""Durable writes, which are on disk when a function returns, and reads of regular files only."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ __all__ = [
 ]
 
 DISK_FULL = frozenset({errno.ENOSPC, errno.EDQUOT})
-"""The error numbers with which a file system says that nothing more fits."""
+"""The error numbers by which a file system reports that it is full."""
 
 PART = ".part"
-"""The ending of a file that is not whole yet."""
+"""The suffix of a file that is not complete yet."""
 
 
 def write_whole(path: Path, data: bytes) -> None:
-    """Write a file that is there whole or not at all, whenever the process or the machine ends."""
+    """Write a file atomically: it is there whole or not at all, whenever the process or the machine ends."""
     part = path.with_name(path.name + PART)
     with part.open("wb") as stream:
         stream.write(data)
@@ -45,10 +45,10 @@ def write_whole(path: Path, data: bytes) -> None:
 
 
 def audibly(work: Callable[[], object]) -> None:
-    """Do what may wait for a disk, and hear signals meanwhile if an alarm rings: the heartbeat of a run is one.
+    """Do work that may block on a disk, and handle signals meanwhile if a timer runs, such as a run's heartbeat.
 
-    A call of the system that waits for a disk is not interrupted, so it waits in a thread of its own, and the main
-    thread, in which signals are heard, waits for that.
+    A system call that waits for a disk is not interrupted, so it waits in a thread of its own, and the main thread,
+    which handles signals, waits for that.
 
     Raises:
         Exception: what the work raises.
@@ -76,7 +76,7 @@ def _alarm_rings() -> bool:
 
 
 def sync_open(descriptor: int) -> None:
-    """Bring an open file to the disk; see `audibly`.
+    """Sync an open file to disk; see `audibly`.
 
     Raises:
         OSError: as `os.fsync`.
@@ -85,25 +85,25 @@ def sync_open(descriptor: int) -> None:
 
 
 def sync_file(path: Path) -> None:
-    """Bring a file's content to the disk."""
+    """Sync a file's content to disk."""
     _sync(path, os.O_RDONLY)
 
 
 def sync_folder(path: Path) -> None:
-    """Bring a folder's names to the disk."""
+    """Sync a folder's entries to disk."""
     _sync(path, os.O_RDONLY | getattr(os, "O_DIRECTORY", 0))
 
 
 def open_plain(path: Path) -> BufferedReader:
-    """Open a regular file for reading; a link, a pipe or a device is never read, and nobody waits for it.
+    """Open a regular file for reading; a link, a pipe or a device is never read or waited for.
 
     Raises:
-        OSError: if it is not there, is something else, or must not be read.
+        OSError: if it is missing, is something else, or may not be read.
     """
     flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
     try:
         descriptor = os.open(path, flags)
-    except ValueError as error:  # a name that no file can have
+    except ValueError as error:  # not a valid file name
         raise OSError(errno.EINVAL, str(error)) from error
     if not stat.S_ISREG(os.fstat(descriptor).st_mode):
         os.close(descriptor)
@@ -112,7 +112,7 @@ def open_plain(path: Path) -> BufferedReader:
 
 
 def read_plain(path: Path, most: int = -1) -> bytes:
-    """Return a regular file's content, of `most` bytes if that is given.
+    """Return a regular file's content, of at most `most` bytes if that is given.
 
     Raises:
         OSError: if it cannot be opened, or is longer.

@@ -1,4 +1,4 @@
-"""The folder of one run: its name, what is in it from the first second, and who holds it."""
+"""The folder of a run: its name, its initial content, and the lock on it."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ RECORDINGS = "data/recordings"
 ATTACHMENTS = "data/attachments"
 REPORT = "data/report"
 REPORT_FILES = ("junit.xml", "report.html")
-"""What the report consists of; everything else in its folder came from elsewhere."""
+"""The files of the report; everything else in its folder came from elsewhere."""
 INBOX = "inbox"
 INBOX_FILES = "inbox/files"
 RESERVE = "reserve.bin"
@@ -96,7 +96,7 @@ def create(reports: Path, *, bench: str, dut: str) -> Path:
 
 
 def require_space(place: Path, bytes_needed: int, hint: str = _ELSEWHERE) -> None:
-    """Refuse a run for whose evidence there is no space at `place`, which need not exist yet; `hint` says what to do.
+    """Refuse a run if there is no space for its evidence at `place`, which need not exist yet; `hint` says what to do.
 
     Raises:
         Refused: with both numbers.
@@ -112,7 +112,7 @@ def require_space(place: Path, bytes_needed: int, hint: str = _ELSEWHERE) -> Non
 
 
 def free_reserve(reserve: Path | None) -> bool:
-    """Give the reserved space back to a full disk; return whether there was any."""
+    """Release the reserved space on a full disk; return whether there was any."""
     if reserve is None or not reserve.exists():
         return False
     reserve.unlink()
@@ -135,22 +135,22 @@ def renew_reserve(folder: Path) -> None:
 
 
 def is_sealed(folder: Path) -> bool:
-    """Return whether there is a file where a seal would be; `verify` checks whether it is one."""
+    """Return whether there is a file in the seal's place; `verify` checks whether it is a seal."""
     return os.path.lexists(folder / SEAL)
 
 
 def is_run(folder: Path) -> bool:
-    """Return whether this looks like the folder of a run, whole or not."""
+    """Return whether this looks like the folder of a run, complete or not."""
     return os.path.lexists(folder / SEAL) or os.path.lexists(folder / "data")
 
 
 @contextmanager
 def hold(folder: Path) -> Iterator[int]:
-    """Hold a run's folder while this process lives, however it ends; nobody else can then seal it.
+    """Lock a run's folder while this process lives, however it ends, so that no other process can seal it.
 
-    Given is the descriptor that holds it.
+    Yields the descriptor that holds the lock.
 
-    The lock lies on the folder itself, so that nothing of it is left in a package.
+    The lock is on the folder itself, so that no trace of it is left in a package.
 
     Raises:
         Refused: while another process holds it.
@@ -169,7 +169,7 @@ def hold(folder: Path) -> Iterator[int]:
                         f"{folder.name}: the run is in progress in another process",
                         "wait for its end, or stop it with hil stop",
                     ) from None
-                wall.pause(0.01)  # somebody may only be looking, see is_held
+                wall.pause(0.01)  # another process may only be testing the lock, see is_held
             except OSError as error:
                 raise Refused(
                     f"{folder}: this file system cannot hold a run: {error.strerror}",
@@ -181,7 +181,7 @@ def hold(folder: Path) -> Iterator[int]:
 
 
 def is_held(folder: Path) -> bool:
-    """Return whether a living process holds the folder; where nothing can be held, none does."""
+    """Return whether a live process holds the folder; False on systems without locks."""
     try:
         import fcntl  # noqa: PLC0415 - packages are read where there is no fcntl
     except ImportError:

@@ -1,4 +1,4 @@
-"""The inbox of a run: what other terminals ask of the executive, one file per message."""
+"""The inbox of a run: requests from other terminals to the executive, one file per message."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ KINDS = frozenset({"ack", "interrupt", "answer", "attachment", "hold", "note", "
 LARGEST_ATTACHMENT = 200_000_000
 
 _ENDS = frozenset({"interrupt", "stop"})
-_OF_ITS_MOMENT = frozenset({"hold", "release"}) | _ENDS
-"""What somebody asks of the process that runs now; the next one does not owe it."""
+_FOR_THIS_PROCESS = frozenset({"hold", "release"}) | _ENDS
+"""Requests to the process that runs now; they do not carry over to the next one."""
 
 _UNHEARD = "unheard"
 _LONGEST_TEXT = 100_000
@@ -34,17 +34,17 @@ _ENDING = ".message"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Message:
-    """One message, as the executive gets it.
+    """One message, as the executive receives it.
 
     Attributes:
-        kind: one of `KINDS`, or `unreadable` with the reason as text, or `unheard` with what was asked for as text.
-        by: who sent it, empty if nobody said.
-        text: a note's text, the reason of a stop, an answer, the code with which somebody says to have been reached.
+        kind: one of `KINDS`, or `unreadable` with the reason as text, or `unheard` with the request as text.
+        by: who sent it, empty if not given.
+        text: a note's text, the reason for a stop, an answer, the code with which somebody confirms being reached.
         utc: when it was sent, by the sender's clock.
-        urgent: whether a stop shall not wait for the end of the step.
+        urgent: whether a stop must not wait for the end of the step.
         file: an attachment's name in `data/attachments`.
-        sha256: its hash; of an acknowledgement, that of the guardian's journal that was seen.
-        name: that of the question which an answer answers.
+        sha256: its hash; for an acknowledgement, that of the guardian's journal that was seen.
+        name: the name of the question that is answered.
         witness: who witnessed an answer.
     """
 
@@ -60,7 +60,7 @@ class Message:
 
     @property
     def beside(self) -> dict[str, str]:
-        """What stands beside its event: when it was sent, which may be long before it is taken."""
+        """Facts beside its event: when it was sent, which may be long before it is taken."""
         return {"sent": self.utc} if self.utc else {}
 
 
@@ -75,21 +75,21 @@ def post(
     seen: str = "",
     answers: tuple[str, str] = ("", ""),
 ) -> str:
-    """Put a message into a run's inbox and return its name; it is there whole or not at all.
+    """Put a message into a run's inbox, atomically, and return its name.
 
     Args:
         folder: the run's folder.
         kind: one of `KINDS`.
         by: who sends it.
-        text: what is said.
-        urgent: whether a stop shall not wait for the end of the step.
+        text: the text of the message.
+        urgent: whether a stop must not wait for the end of the step.
         attach: a file to be copied.
         seen: SHA-256 of what an acknowledgement acknowledges.
-        answers: the name of the question that an answer answers, and who witnessed it.
+        answers: the name of the question that is answered, and who witnessed the answer.
 
     Raises:
         Refused: if the run is sealed, the kind unknown, or the text or attachment too large.
-        EvidenceError: if the attachment cannot be read or the inbox not be written.
+        EvidenceError: if the attachment cannot be read or the inbox cannot be written.
     """
     if is_sealed(folder):
         raise Refused(f"{folder.name} is sealed", "what comes after the seal lives in reports/.ledger")
@@ -121,33 +121,33 @@ def post(
 
 
 def waiting(folder: Path) -> tuple[str, ...]:
-    """Return the names of the messages that nobody has taken, in the order in which they were sent."""
+    """Return the names of the pending messages, in the order in which they were sent."""
     try:
-        found = os.listdir(f"{folder}/{INBOX}")  # noqa: PTH208 - asked at every scheduling point, and nearly always empty
+        found = os.listdir(f"{folder}/{INBOX}")  # noqa: PTH208 - called at every scheduling point, and nearly always empty
     except FileNotFoundError:
         return ()
     return tuple(sorted(name for name in found if name.endswith(_ENDING)))
 
 
 def asks_for_end(folder: Path, left: Collection[str]) -> bool:
-    """Return whether a message that waits, and is none of `left`, asks the run to stop; the message stays."""
+    """Return whether a pending message that is not one of `left` asks the run to stop; the message stays."""
     return any(_read(folder / INBOX / name).kind in _ENDS for name in waiting(folder) if name not in left)
 
 
 def poll(folder: Path, left: Collection[str] = ()) -> Iterator[Message]:
-    """Give the messages in the order in which they were sent; each goes from the inbox once the next is asked for.
+    """Yield the messages in the order in which they were sent; each leaves the inbox when the next is requested.
 
     So a message whose event is written in the loop's body is never lost: whatever ends the process, it is either in
-    the journal or still in the inbox. Attachments are in `data/attachments` when their message is given.
+    the journal or still in the inbox. Attachments are in `data/attachments` when their message is yielded.
 
     Args:
         folder: the run's folder.
-        left: the names of messages that were left for an earlier process. What they asked of it is `unheard`.
+        left: the names of messages left for an earlier process. Requests to that process become `unheard`.
     """
     for name in waiting(folder):
         path = folder / INBOX / name
         message = _taken(folder, path)
-        if name in left and message.kind in _OF_ITS_MOMENT:
+        if name in left and message.kind in _FOR_THIS_PROCESS:
             text = f"{message.kind}, before the run was resumed: {message.text}".rstrip(": ")
             message = replace(message, kind=_UNHEARD, text=text)
         yield message
@@ -155,7 +155,7 @@ def poll(folder: Path, left: Collection[str] = ()) -> Iterator[Message]:
 
 
 def peek(folder: Path) -> Iterator[Message]:
-    """Give the messages that nobody has taken, in the order in which they were sent; they keep waiting."""
+    """Yield the pending messages, in the order in which they were sent; they stay pending."""
     for name in waiting(folder):
         yield _read(folder / INBOX / name)
 
@@ -163,7 +163,7 @@ def peek(folder: Path) -> Iterator[Message]:
 def _remove(path: Path) -> None:
     try:
         path.unlink(missing_ok=True)
-    except OSError:  # somebody made a folder of this name
+    except OSError:  # there is a folder of this name
         shutil.rmtree(path, ignore_errors=True)
 
 

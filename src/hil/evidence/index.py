@@ -1,4 +1,4 @@
-"""The index of a folder of reports: what was seen of the runs that did not change since; it can be thrown away."""
+"""Index of a folder of reports: a disposable cache of what was seen of unchanged runs."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ __all__ = ["Index", "Seen"]
 
 
 class Seen(msgspec.Struct, frozen=True, kw_only=True):
-    """What was seen of a run that nobody holds, and in which nothing was wrong.
+    """What was seen of a run that no process holds, and in which nothing was wrong.
 
     Attributes:
-        key: what its folder is known again by.
+        key: the key by which its unchanged folder is recognised.
         began: when it began, as ISO 8601.
         state: its state.
-        checked: what of it was looked at.
-        problem: what is to be done, in a sentence, or empty.
+        checked: what was checked of it.
+        problem: what to do, in a sentence, or empty.
         plans: the plans it was asked for.
         bench: the bench's name.
         dut: the serial number of the device under test.
@@ -32,7 +32,7 @@ class Seen(msgspec.Struct, frozen=True, kw_only=True):
         ended: how many of them ended.
         verdict: the sealed verdict; empty before.
         deviates: whether it differs from its plan.
-        run: its name at the seal; empty before the seal, and so are the following two.
+        run: its name at the seal; empty before the seal, as are the following two.
         evidence: its evidence digest.
         before: the head that the ledger had before its seal.
     """
@@ -57,13 +57,13 @@ class Seen(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Index:
-    """What is known of the runs in a folder of reports.
+    """Cache of what is known of the runs in a folder of reports.
 
-    It holds nothing that the runs do not say themselves: without it, or where it cannot be read, they are read again.
-    What the ledger says of a package is not part of it, and is asked for each time.
+    It holds nothing that is not in the runs themselves: if it is missing or cannot be read, they are read again.
+    What the ledger says of a package is not part of it, and is looked up each time.
 
     Args:
-        file: where it is kept; None keeps nothing and knows nothing.
+        file: where it is stored; None disables it.
         version: what identifies the product that wrote it.
     """
 
@@ -80,16 +80,16 @@ class Index:
         return cls(cache_folder("runs") / name, product_key())
 
     def key(self, folder: Path) -> str:
-        """Return what a run is known again by; empty where nothing is kept, or it cannot be."""
+        """Return the key of a run's folder; empty if the index is disabled, or the folder has none."""
         return folder_key(folder, self._version) if self._file is not None else ""
 
     def get(self, folder: Path, key: str) -> Seen | None:
-        """Return what was seen of a run, None if anything in its folder changed since."""
+        """Return what was seen of a run, None if anything in its folder has changed since."""
         found = self._before.get(folder.name)
         return found if found is not None and key and found.key == key else None
 
     def keep(self, folder: Path, seen: Seen) -> None:
-        """Keep what was seen of a run, if its folder is still what it was; odd names are read every time."""
+        """Keep what was seen of a run, if its folder is unchanged; runs with odd names are read every time."""
         if (
             seen.key
             and folder.name.isascii()
@@ -98,7 +98,7 @@ class Index:
             self._now[folder.name] = seen
 
     def save(self) -> None:
-        """Write what was kept, and nothing of runs that are gone."""
+        """Write what was kept, without runs that are gone."""
         if self._file is None or self._now == self._before:
             return
         part = self._file.with_name(f"{self._file.name}.{os.getpid()}")

@@ -1,4 +1,4 @@
-"""Runs at a glance: which there are, how far they got, and how they ended."""
+"""Summaries of runs: which exist, how far they got, and how they ended."""
 
 from __future__ import annotations
 
@@ -31,19 +31,19 @@ __all__ = ["RunSummary", "find_runs", "run_folders", "status"]
 _STAMP = re.compile(r"(\d{4})(\d\d)(\d\d)T(\d\d)(\d\d)(\d\d)Z")
 _FIRST_LINE = 1_000_000
 _VERIFIED_BYTES = 50_000_000
-"""A package up to this size is verified while a person waits for its status."""
+"""A package up to this size is verified when its status is requested."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunSummary:
-    """One run at a glance.
+    """Summary of one run.
 
     Attributes:
         folder: the run's folder.
-        state: its state; of a sealed run as far as it was looked at.
+        state: its state; for a sealed run as far as it was checked.
         problem: what is wrong with it, in a sentence, or empty.
-        began: when it began, as ISO 8601; empty where that is not known, and for a single run's status.
-        checked: what of a sealed run was looked at, empty before the seal and where something is wrong.
+        began: when it began, as ISO 8601; empty if that is not known, and for a single run's status.
+        checked: what was checked of a sealed run, empty before the seal and if something is wrong.
         plans: the plans it was asked for.
         bench: the bench's name.
         dut: the serial number of the device under test.
@@ -85,12 +85,12 @@ class RunSummary:
     added: tuple[Note | Attachment | Anomaly, ...] = ()
 
 
-_SEEN = tuple(each.name for each in fields(RunSummary) if each.name in Seen.__struct_fields__)
-"""What an index tells of a run."""
+_INDEXED = tuple(each.name for each in fields(RunSummary) if each.name in Seen.__struct_fields__)
+"""The fields of a run that an index holds."""
 
 
 def run_folders(reports: Path) -> list[Path]:
-    """Return the folder of every run in the folder of reports, the newest last; folders with a point are no runs.
+    """Return the folder of every run in the folder of reports, the newest last; hidden folders are not runs.
 
     Raises:
         EvidenceError: if the folder of reports cannot be read.
@@ -114,20 +114,20 @@ def find_runs(reports: Path, index: Index | None = None) -> list[RunSummary]:
 
     Args:
         reports: the folder of reports.
-        index: what is known of runs that did not change. Of these nothing is read, and case, step, time and age are
-            not told; the ledger has its say on every one.
+        index: what is known of unchanged runs. Nothing of these is read, and their case, step, time and age are left
+            out; every one is compared with the ledger.
     """
     ledger = read(reports)
     index = index or Index(None, "")
     seals = Seals(ledger)
     keys = ((folder, index.key(folder)) for folder in _inside(reports))
-    found = [_known_again(*each, index, seals) or _summary_of(*each, index, ledger) for each in keys]
+    found = [_from_index(*each, index, seals) or _summary_of(*each, index, ledger) for each in keys]
     index.save()
     return sorted(found, key=lambda run: (run.began, os.fsencode(run.folder.name)))
 
 
-def _known_again(folder: Path, key: str, index: Index, seals: Seals) -> RunSummary | None:
-    """Return a run that did not change; None if it has to be read."""
+def _from_index(folder: Path, key: str, index: Index, seals: Seals) -> RunSummary | None:
+    """Return an unchanged run from the index; None if it has to be read."""
     seen = index.get(folder, key)
     if seen is None or (seen.state != State.SEALED and is_held(folder)):
         return None
@@ -136,26 +136,26 @@ def _known_again(folder: Path, key: str, index: Index, seals: Seals) -> RunSumma
         if against.findings:
             return None
     index.keep(folder, seen)
-    told = {name: getattr(seen, name) for name in _SEEN}
-    return RunSummary(folder=folder, **{**told, "state": State(seen.state)})
+    indexed = {name: getattr(seen, name) for name in _INDEXED}
+    return RunSummary(folder=folder, **{**indexed, "state": State(seen.state)})
 
 
 def _summary_of(folder: Path, key: str, index: Index, ledger: Ledger) -> RunSummary:
     run = replace(_whatever_it_is(folder, ledger), began=_began(folder))
     if key and run.state in _LASTING:
-        told: dict[str, Any] = {name: getattr(run, name) for name in Seen.__struct_fields__ if hasattr(run, name)}
+        seen: dict[str, Any] = {name: getattr(run, name) for name in Seen.__struct_fields__ if hasattr(run, name)}
         with suppress(HilError, OSError):
-            told |= _by_its_seal(folder) if run.state is State.SEALED else {}
-            index.keep(folder, Seen(**{**told, "key": key, "state": str(run.state)}))
+            seen |= _by_its_seal(folder) if run.state is State.SEALED else {}
+            index.keep(folder, Seen(**{**seen, "key": key, "state": str(run.state)}))
     return run
 
 
 _LASTING = frozenset({State.SEALED, State.INTERRUPTED, State.SAFED})
-"""What a run stays as long as nothing in its folder changes and nobody holds it."""
+"""States that a run keeps as long as its folder does not change and no process holds it."""
 
 
 def _by_its_seal(folder: Path) -> dict[str, str]:
-    """Return what the ledger is asked about a package."""
+    """Return what the ledger needs to look up a package."""
     return {
         "run": identifier_of(read_plain(folder / INFO).decode()),
         "evidence": digest_of_manifest(read_plain(folder / MANIFEST)),
@@ -164,16 +164,16 @@ def _by_its_seal(folder: Path) -> dict[str, str]:
 
 
 def status(folder: Path) -> RunSummary:
-    """Return one run at a glance; it is only read, also while it is running.
+    """Return the summary of one run; it is only read, even while it is running.
 
-    A sealed package is verified as a whole, unless that takes long: a large one gets a quick look.
+    A sealed package is verified completely, except a large one, which gets a quick look.
 
     Raises:
         EvidenceError: if there is no journal to read.
     """
     if not is_sealed(folder):
         return _unsealed(folder)
-    from hil.evidence.package.look import LOOKED_AT, look  # noqa: PLC0415 - heavy, and runs that are known need none
+    from hil.evidence.package.look import LOOKED_AT, look  # noqa: PLC0415 - heavy, and runs in the index need none
 
     ledger = read(folder.resolve().parent)
     seen = look(folder, ledger)
@@ -202,7 +202,7 @@ def _whatever_it_is(folder: Path, ledger: Ledger) -> RunSummary:
 
 
 def _unsealed(folder: Path) -> RunSummary:
-    held = is_held(folder)  # asked first: a run that ends in between is then sealed
+    held = is_held(folder)  # checked first: a run that ends in between is then sealed
     if held and not os.path.lexists(folder / JOURNAL):
         return RunSummary(folder=folder, state=State.RUNNING)  # it is about to begin
     reading = read_journal(folder / JOURNAL)
@@ -222,8 +222,8 @@ def _unsealed(folder: Path) -> RunSummary:
 
 
 def _sealed(folder: Path, ledger: Ledger) -> RunSummary:
-    """Return a sealed run by its results, of which a quick look shows that they are those that were sealed."""
-    from hil.evidence.package.look import LOOKED_AT, look  # noqa: PLC0415 - heavy, and runs that are known need none
+    """Return a sealed run by its results, which a quick look shows to be those that were sealed."""
+    from hil.evidence.package.look import LOOKED_AT, look  # noqa: PLC0415 - heavy, and runs in the index need none
 
     seen = look(folder, ledger)
     if seen.outcome is None or seen.last is None:
@@ -248,12 +248,12 @@ def _sealed(folder: Path, ledger: Ledger) -> RunSummary:
 
 
 def _suspicious(folder: Path, state: State, findings: Sequence[Finding]) -> RunSummary:
-    """Return a run in which something is wrong: of that nothing is told but what is wrong."""
+    """Return a run in which something is wrong, with nothing but that."""
     return RunSummary(folder=folder, state=state, problem=in_short(findings))
 
 
 def _began(folder: Path) -> str:
-    """Return when a run began, as ISO 8601: by its first event, else by its name."""
+    """Return when a run began, as ISO 8601: from its first event, otherwise from its name."""
     try:
         with open_plain(folder / JOURNAL) as stream:
             line = parse_strict(stream.readline(_FIRST_LINE))

@@ -1,4 +1,4 @@
-"""Runs that the guardian ended: which those are, what it wrote down, and who has acknowledged it."""
+"""Runs ended by the guardian: which they are, what it logged, and whether that is acknowledged."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ _LARGEST = 20_000_000
 
 @dataclass(frozen=True, slots=True)
 class LastAct:
-    """What the guardian's journal says of the last time that it acted.
+    """The guardian's last act, from its journal.
 
     Attributes:
         since: when it began, UTC.
-        unproven: the outputs that were not proven safe when it was last asked; None where that is not on record.
+        unproven: the outputs not proven safe by the last queries; None if that is not on record.
         proven: the outputs that were proven safe so far.
         proves: whether it guarded any output.
-        finished: whether it had finished, and was not trying any more.
-        trying: whether it had told that it goes on trying.
-        pid: its process, 0 where that is not on record.
+        finished: whether it had finished, and was no longer retrying.
+        trying: whether it had reported that it keeps retrying.
+        pid: its process, 0 if that is not on record.
     """
 
     since: str
@@ -74,14 +74,14 @@ def last_act(lines: Sequence[dict[str, Any]]) -> LastAct | None:
 
 
 def _unproven(lines: Sequence[dict[str, Any]]) -> tuple[str, ...]:
-    """Return the outputs that a line names, as the proofs after it leave them."""
+    """Return the outputs that are not proven safe, by a line that names them and the proofs after it."""
     named = lines[0].get("unproven")
     states = dict.fromkeys(map(str, named), False) if isinstance(named, list) else {}
     return tuple(output for output, ok in (states | _proofs(lines)).items() if not ok)
 
 
 def _proofs(lines: Sequence[dict[str, Any]]) -> dict[str, bool]:
-    """Return whether each output that was asked is safe, as it was last asked."""
+    """Return, for each output that was queried, whether the last query proved it safe."""
     return {str(line.get("output")): line.get("ok") is True for line in lines if line.get("event") == "proof"}
 
 
@@ -95,7 +95,7 @@ def guardian_hash(folder: Path) -> str:
 
 
 def guardian_lines(folder: Path) -> tuple[dict[str, Any], ...]:
-    """Return what the guardian wrote down, line by line; a line that is none is given as its text."""
+    """Return the lines of the guardian's journal; a malformed line is returned as its text."""
     try:
         data = read_plain(folder / GUARDIAN, _LARGEST)
     except OSError:
@@ -104,12 +104,12 @@ def guardian_lines(folder: Path) -> tuple[dict[str, Any], ...]:
 
 
 def was_safed(folder: Path, events: Sequence[Event]) -> bool:
-    """Return whether the guardian ended a run that is not sealed, proved it safe, and nobody has resumed it since.
+    """Return whether the guardian ended an unsealed run and proved it safe, and it has not been resumed since.
 
-    One of which an output was not proven is no more than interrupted.
+    A run with an unproven output counts as interrupted only.
 
-    Its journal names the guardian's as that stands now once it is resumed, before the bench is armed. What is driven
-    after that is not what the guardian proved safe.
+    A resumed run's journal names the guardian's journal as it is now, before the bench is armed. What is driven after
+    that is not what the guardian proved safe.
     """
     if not (seen := guardian_hash(folder)):
         return False
@@ -120,9 +120,9 @@ def was_safed(folder: Path, events: Sequence[Event]) -> bool:
 
 
 def is_acknowledged(folder: Path) -> bool:
-    """Return whether somebody has acknowledged all that the guardian did in a run, or it did nothing.
+    """Return whether everything that the guardian did in a run has been acknowledged; True if it did nothing.
 
-    An acknowledgement names the guardian's journal by its hash, so that it does not hold for what comes later.
+    An acknowledgement names the guardian's journal by its hash, so that it does not cover later acts.
     """
     if not (seen := guardian_hash(folder)):
         return True

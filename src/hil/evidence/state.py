@@ -1,4 +1,4 @@
-"""The state of a run: the one fold of its events."""
+"""State of a run: the one fold over its events."""
 
 from __future__ import annotations
 
@@ -66,12 +66,12 @@ class Span(Generic[_Begun, _Ended]):
 
 @dataclass(slots=True)
 class CaseState:
-    """What the events tell of one planned case; checks and steps are those of the last attempt.
+    """State of one planned case after its events; checks and steps are those of the last attempt.
 
-    No attempt replaces another: `earlier` keeps what the attempts before the last one came to, and what had failed
-    before the run was interrupted; `given_up` are those that ended without a verdict when it was, which only a case
-    that its plan declares repeatable survives; `times` is how often the case was planned,
-    and `seen_by` has who was asked for as a witness, and who it was.
+    No attempt replaces another: `earlier` keeps the verdicts of the attempts before the last one, and what had failed
+    before the run was interrupted; `given_up` are attempts that the interruption ended without a verdict, which only
+    a case declared repeatable by its plan survives; `times` is how many times the case was planned,
+    and `seen_by` pairs the witness asked for with who it was.
     """
 
     planned: PlannedCase
@@ -93,7 +93,7 @@ class CaseState:
 
     @property
     def own_verdict(self) -> Verdict:
-        """How the case ended, whatever its checks say."""
+        """How the case ended, regardless of its checks."""
         if self.end is not None:
             return self.end.verdict
         return Verdict.ABORTED if self.attempts else Verdict.NOT_RUN
@@ -107,17 +107,17 @@ class CaseState:
 
     @property
     def left_verdicts(self) -> list[Verdict]:
-        """What counts of the attempts that were given up."""
+        """The verdicts of the attempts given up that count."""
         return [] if self.planned.repeatable else [Verdict.ABORTED] * len(self.given_up)
 
     @property
     def all_begun(self) -> bool:
-        """Whether there was an attempt for every time that the case was planned."""
+        """Whether there was an attempt for each time that the case was planned."""
         return len(self.attempts) >= self.times
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """Why the case ended so."""
+        """Why the case ended as it did."""
         if self.end is not None:
             return self.end.reasons
         if self.attempts:
@@ -130,7 +130,7 @@ class CaseState:
         return next((each.begun for each in reversed(self.steps) if each.ended is None), None)
 
     def plan_again(self, planned: PlannedCase) -> None:
-        """Take in that two bodies have this case's id: what one of them carries, both do."""
+        """Add a second case with the same id: each then carries the requirements of both."""
         self.times += 1
         carried = (*self.planned.requirements, *planned.requirements)
         self.planned = msgspec.structs.replace(self.planned, requirements=carried)
@@ -162,31 +162,31 @@ class CaseState:
 
 
 class RunState:
-    """What the events of a run tell, taken one by one.
+    """State of a run, folded from its events one by one.
 
     Attributes:
-        run: what it was asked for, None before its first event.
-        cases: the planned cases by id, in order, and whatever else was run.
+        run: its request, None before its first event.
+        cases: the planned cases by id, in order, and any others that were run.
         present: the running case, None between cases.
-        recordings: the beginning of every recording by id, in order; the last one where it began twice.
-        ended: the ends of recordings by id, those included whose beginning is missing.
-        rows: per recording the hashes that the journal has of its first rows.
+        recordings: the beginning of every recording by id, in order; the last one if it began twice.
+        ended: the ends of recordings by id, even if the beginning is missing.
+        rows: by recording, the hashes in the journal by number of rows.
         gates: the readiness gates of the bench.
         host_gates: those of people, the machine and the guardian.
-        attachments: the files that were attached or made.
+        attachments: the files that were attached or created.
         given: the files that were given as answers.
         added: notes, attachments and anomalies since the first gate.
-        resumptions: when the run was resumed.
-        executed: what was compared of the code that ran.
-        reaches: what code that was frozen in its course reaches for beyond what cases are given.
-        trip: how the envelope was left first, if it was.
-        stop: why the run was ended early, None if it was not, and once it is armed again.
+        resumptions: its resumptions.
+        executed: the comparisons of executed code.
+        reaches: what code frozen during the run reaches for beyond what cases are given.
+        trip: the first trip, if any.
+        stop: why the run was ended early, None if it was not, and once it is rearmed.
         stopped: whether it was ever ended early.
         recovered: whether it was sealed as it is.
         armed: whether the bench was ever armed.
         safe: whether every way to the safe state proved every output safe, None before the first.
-        results: that the results were derived, if they were.
-        end: how it ended, None before.
+        results: the event of the derived results, if they were.
+        end: how it ended, None until then.
         t: bench time of the newest event in s.
     """
 
@@ -295,7 +295,7 @@ class RunState:
             case Note() | Attachment() | Anomaly():
                 if isinstance(event, Attachment):
                     self.attachments.append(event)
-                if self.gates:  # anomalies before are those of the catalogue's sources
+                if self.gates:  # earlier anomalies concern the catalogue's sources
                     self.added.append(event)
 
     def _of_case(self, event: _OfCase) -> None:
@@ -333,7 +333,7 @@ class RunState:
                 self.cases[planned.case] = CaseState(planned)
 
     def give_up(self, attempts: Iterable[Abandoned]) -> None:
-        """Take in the attempts that were given up; the events that stand do not tell of them."""
+        """Add the attempts that were given up; the events that stand do not include them."""
         for attempt in attempts:
             self._case(attempt.case).given_up.append(attempt)
 
@@ -353,9 +353,9 @@ class RunState:
 
 
 def standing(events: Iterable[Event]) -> tuple[Event, ...]:
-    """Return the events that stand: a run that was resumed after a stop left some that are void.
+    """Return the events that stand: a run resumed after a stop has left some void.
 
-    What came from outside the run's own course is never void.
+    Events from outside the run's own course are never void.
     """
     events = tuple(events)
     entries = [each.entry for each in events if isinstance(each, Resumed) and each.entry]
@@ -368,7 +368,7 @@ def standing(events: Iterable[Event]) -> tuple[Event, ...]:
 
 
 def before_results(events: Iterable[Event]) -> Iterator[Event]:
-    """Give the events from which the results are derived."""
+    """Yield the events from which the results are derived."""
     return takewhile(lambda event: not isinstance(event, Results), events)
 
 

@@ -1,7 +1,7 @@
-"""Events: the contents of a journal, each kind a frozen type; `codec` writes and reads them.
+"""Events: the content of a journal, each kind a frozen type; `codec` writes and reads them.
 
-The modules of events and models do not postpone their annotations: reading those of all events back from text takes a
-hundredth of a short run.
+The modules of events and models do not postpone their annotations: evaluating those of all events takes a hundredth of
+the time of a short run.
 """
 
 from __future__ import annotations

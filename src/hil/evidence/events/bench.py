@@ -31,8 +31,8 @@ class Gate(Event, frozen=True, kw_only=True):
         ok: whether it holds.
         detail: what was seen.
         instrument: the instrument whose identity or port it is about, empty for any other gate.
-        unproven: what it leaves open although it holds, empty if nothing.
-        source: what the instrument counts as from here on, null if this gate does not say.
+        unproven: what it leaves unproven although it holds, empty if nothing.
+        source: what the instrument counts as from now on, null if this gate does not say.
         exception: why its port counts as hardware although it is on this computer, as the bench file says.
     """
 
@@ -46,7 +46,7 @@ class Gate(Event, frozen=True, kw_only=True):
 
 
 class HostGate(Gate, frozen=True, kw_only=True):
-    """A condition of readiness that people, the machine or the guardian have to meet.
+    """A condition of readiness that people, the machine or the guardian must meet.
 
     Attributes:
         name: as of `gate`.
@@ -62,13 +62,13 @@ class HostGate(Gate, frozen=True, kw_only=True):
 
 
 class Armed(Event, frozen=True, kw_only=True):
-    """The bench may be driven from here on."""
+    """The bench may be driven from now on."""
 
     synced: ClassVar[bool] = True
 
 
 class Fed(Event, frozen=True, kw_only=True):
-    """A limit of the envelope is judged on every row of a recording from here on.
+    """A limit of the envelope is judged on every row of a recording from now on.
 
     Attributes:
         limit: the limit's id.
@@ -115,9 +115,9 @@ class Lost(Event, frozen=True, kw_only=True):
     """What the run needs to drive its bench was lost; the bench was made safe, and the run can be resumed.
 
     Attributes:
-        what: `port` for one that is gone, `reply` for an instrument that falls silent, `guardian`, `machine` where
-            nobody holds off its sleep any more, or `arming` where a resumed run could not arm the bench.
-        device: the instrument, empty if it is about none.
+        what: `port` for one that is gone, `reply` for an instrument that falls silent, `guardian`, `machine` if its
+            sleep is no longer inhibited, or `arming` if a resumed run could not arm the bench.
+        device: the instrument concerned, empty if none is.
         text: the same in words.
     """
 

@@ -82,7 +82,7 @@ class Step(Event, frozen=True, kw_only=True):
         case: its case.
         path: the titles of the steps that it is in, the outermost first, its own last.
         number: its number, such as `1.2`.
-        turn: which turn of a loop it is, from 1, if it is one.
+        turn: which turn of a loop it is, from 1, if it is in one.
     """
 
     case: str
@@ -125,8 +125,8 @@ class Effect(Event, frozen=True, kw_only=True):
         arguments: the arguments as JSON.
         result: the result as JSON, null if there is none.
         raised: the exception's name if it raised one.
-        why: what that said where a person was asked: nobody is asked again, and it has to be said again.
-        hint: what it said to do next, likewise.
+        why: its message if a person was asked: the person is not asked again, but the message is repeated.
+        hint: its hint what to do next, likewise.
     """
 
     case: str
@@ -173,18 +173,18 @@ class Check(Event, frozen=True, kw_only=True):
         decision: the decision rule.
         expanded: expanded uncertainty, null if unknown.
         margin: distance to the nearer limit, negative where guarded acceptance is missed; null without a limit.
-        tur: test uncertainty ratio, null where it has none.
+        tur: test uncertainty ratio, null if it has none.
         verdict: the verdict.
-        reason: why, empty if it is plain.
+        reason: why, empty if it is obvious.
         instruments: the instruments behind the value; in packages without `provenance` those that the case had used.
         status: what the analysis says of the number, empty for a word; not in the oldest packages.
         doubts: why the data cannot be trusted, a sentence each.
         provenance: what the value came from, an entry each: readings, recordings, answers, parameters, analysis; null
-            in packages that do not tell.
-        unproven: why the value itself proves nothing, a sentence each: it came from nowhere, or was changed by hand.
+            in packages that do not record it.
+        unproven: why the value itself proves nothing, a sentence each: it has no source, or was changed by hand.
         uncovered: what no certificate covers, a sentence each; with one of them a guarded check is INCONCLUSIVE.
-        at: the conditions in words, such as `axis z, 25.0 degC`; empty if the case does not tell them.
-        headline: what the first page of the report calls the value; empty if it does not stand there.
+        at: the conditions in words, such as `axis z, 25.0 degC`; empty if the case does not state them.
+        headline: what the first page of the report calls the value; empty if it is not shown there.
     """
 
     case: str
@@ -217,12 +217,12 @@ class Check(Event, frozen=True, kw_only=True):
 
     @property
     def closes_nothing(self) -> tuple[str, ...]:
-        """Why this value can close no requirement, a sentence each, empty if nothing speaks against it."""
+        """Why this value can close no requirement, a sentence each, empty if it can."""
         return self.unproven + self.uncovered
 
 
 class ChartAxis(Part, frozen=True, kw_only=True):
-    """What an axis of a chart shows.
+    """An axis of a chart.
 
     Attributes:
         name: the quantity.
@@ -234,15 +234,15 @@ class ChartAxis(Part, frozen=True, kw_only=True):
 
 
 class ChartCurve(Part, frozen=True, kw_only=True):
-    """Points of a chart that belong together; null is a number that is not finite.
+    """One curve of a chart; null is a number that is not finite.
 
     Attributes:
-        name: what they are of, such as `axis z`.
-        x: where each point stands across, in the unit of that axis.
-        y: its value, in the unit of the other axis.
-        expanded: its expanded uncertainty; empty if it is not drawn.
-        model_x: where the model's curve goes across; empty if there is none.
-        model_y: its values.
+        name: what it is of, such as `axis z`.
+        x: the abscissa of each point, in the unit of that axis.
+        y: the ordinate of each point, in the unit of the other axis.
+        expanded: the expanded uncertainty of each point; empty if it is not drawn.
+        model_x: the abscissas of the model's curve; empty if there is none.
+        model_y: the ordinates of the model's curve.
         residual: by how much each point lies above the model; empty if it is not drawn.
     """
 
@@ -256,7 +256,7 @@ class ChartCurve(Part, frozen=True, kw_only=True):
 
 
 class ChartLimit(Part, frozen=True, kw_only=True):
-    """A limit of the catalogue that a chart is drawn with.
+    """A limit of the catalogue drawn in a chart.
 
     Attributes:
         requirement: the requirement.
@@ -264,7 +264,7 @@ class ChartLimit(Part, frozen=True, kw_only=True):
         min: the least value in the chart's unit, null without one.
         max: the largest value, null without one.
         residual: whether it is a limit on the residuals.
-        power: the limit holds times this power of what stands across: -0.5 for white noise over the averaging time.
+        power: the limit is multiplied by this power of the abscissa: -0.5 for white noise over the averaging time.
     """
 
     requirement: str
@@ -276,18 +276,18 @@ class ChartLimit(Part, frozen=True, kw_only=True):
 
 
 class Chart(Event, frozen=True, kw_only=True):
-    """What a case draws on the first page of the report; charts of one title and of the same axes are drawn as one.
+    """A chart of a case on the first page of the report; charts with the same title and axes are drawn as one.
 
     Attributes:
         case: its case.
         step: the number of its step, empty outside steps.
-        title: what stands above.
+        title: the title.
         x: the lower axis.
         y: the left axis.
         curves: the points.
-        limits: the limits that are drawn with them.
+        limits: the limits drawn with them.
         log: whether both axes are logarithmic.
-        lines: what the lines of the curves are; empty for the model.
+        lines: what the lines of the curves show; empty for the model.
     """
 
     case: str
@@ -311,7 +311,7 @@ class Fault(Event, frozen=True, kw_only=True):
         error: the kind of fault.
         message: what was expected and what came.
         hint: what to do next.
-        undecided: whether nobody can tell if bench or DUT is to blame: what depends on it is INCONCLUSIVE.
+        undecided: whether it is unknown if bench or DUT is to blame: what depends on it is INCONCLUSIVE.
     """
 
     case: str

@@ -9,7 +9,7 @@ __all__ = ["Executed", "Frozen", "FrozenLater"]
 
 
 class Frozen(Event, frozen=True, kw_only=True):
-    """What was frozen before the first step; the second event.
+    """Files were frozen before the first step; the second event.
 
     Attributes:
         files: path and SHA-256 of every frozen file that is the same in equal runs.
@@ -37,12 +37,12 @@ class FrozenLater(Event, frozen=True, kw_only=True):
 
 
 class Executed(Event, frozen=True, kw_only=True):
-    """What a run on hardware has executed by now was compared with what was installed.
+    """The code that a run on hardware has executed so far was compared with what was installed.
 
     Attributes:
-        packages: the packages whose code was executed, with their versions, but for hil and what it needs.
-        problems: why some of it is not known, a sentence each.
-        last: whether everything was compared, at the end of the run.
+        packages: the packages whose code was executed, with their versions, except hil and its dependencies.
+        problems: why some of it is unknown, a sentence each.
+        last: whether this is the comparison of everything, at the end of the run.
     """
 
     packages: tuple[str, ...] = ()

@@ -1,4 +1,4 @@
-"""The codec of events: the canonical bytes in a line of the journal, and the typed event that they tell."""
+"""Codec of events: between typed events and the canonical bytes in a line of the journal."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ __all__ = ["KINDS", "convert", "decode", "encode", "is_text_of", "plain", "quick
 def quick_canonical(value: object) -> bytes:
     """Return the canonical JSON of `value`, the same bytes as `canonical`.
 
-    The journal writes a line per effect, and hashing it must not be what a simulated run spends its time on.
+    The journal writes a line per effect, and encoding it must not dominate the time of a simulated run.
 
     Raises:
         JsonError: for what has no canonical JSON.
@@ -33,12 +33,12 @@ def quick_canonical(value: object) -> bytes:
 
 
 def is_text_of(text: bytes, value: object, *, plain_numbers: bool = False) -> bool:
-    """Return whether `quick_canonical` gives this text, for what was read from JSON or derived from it.
+    """Return whether this text is what `quick_canonical` returns, for values read from JSON or derived from it.
 
     Args:
         text: the text.
         value: the value.
-        plain_numbers: whether it is known that all numbers are whole and have less than 16 digits, and all keys ASCII.
+        plain_numbers: whether all numbers are known to be integers of less than 16 digits, and all keys ASCII.
     """
     if plain_numbers:
         return _ENCODE(value) == text
@@ -50,7 +50,7 @@ _ENCODE = msgspec.json.Encoder(order="sorted").encode
 
 
 def told(value: msgspec.Struct) -> dict[str, object]:
-    """Return the fields of a struct that are written, as they are."""
+    """Return the fields of a struct that are written, unconverted."""
     fields = [(name, getattr(value, name), default) for name, _, default in _members(type(value)) if name]
     return {name: item for name, item, default in fields if item is not default}
 
@@ -82,7 +82,7 @@ def _struct(value: object) -> str:
 
 @cache
 def _members(kind: type[msgspec.Struct]) -> tuple[tuple[str, str, object], ...]:
-    """Return name, beginning of its text, and the default that is not written, of every field, and the whole tag."""
+    """Return, for every field, name, beginning of its text, and the default that is not written; and the whole tag."""
     found = [(each.name, f"{encode_basestring(each.name)}:", _left_out(each)) for each in msgspec.structs.fields(kind)]
     if (tag := kind.__struct_config__.tag) is not None:
         found.append(("", f'"{kind.__struct_config__.tag_field}":{encode_basestring(str(tag))}', None))
@@ -90,7 +90,7 @@ def _members(kind: type[msgspec.Struct]) -> tuple[tuple[str, str, object], ...]:
 
 
 def _left_out(field: msgspec.structs.FieldInfo) -> object:
-    """Return the value with which a field is not written; the stamp of an event has none."""
+    """Return the value at which a field is omitted; the stamp of an event has none."""
     return field.default if field.default in (None, "", (), False) else msgspec.NODEFAULT
 
 
@@ -102,7 +102,7 @@ KINDS: Mapping[str, type[Event]] = {
     for each in (getattr(module, name) for name in module.__all__)
     if issubclass(each, Event)
 }
-"""The type of every kind of event, by what the journal calls it."""
+"""The type of every kind of event, by its name in the journal."""
 
 
 def stamped(event: _Event, seq: int, t: float) -> _Event:
@@ -154,7 +154,7 @@ def convert(value: Mapping[str, Any], kind: type[_Struct], what: str) -> _Struct
 
 
 def _wrong_fields(value: Mapping[str, Any], kind: type[msgspec.Struct]) -> Iterator[str]:
-    """Give a sentence for every field that is not as declared; of those within a field the first."""
+    """Yield a sentence for every field that is not as declared; of nested ones, only the first."""
     declared = {each.encode_name: each for each in msgspec.structs.fields(kind)}
     config = kind.__struct_config__
     for name in sorted(value.keys() - declared.keys() - {config.tag_field}):
@@ -168,7 +168,7 @@ def _wrong_fields(value: Mapping[str, Any], kind: type[msgspec.Struct]) -> Itera
         try:
             msgspec.convert(value[name], each.type)
         except msgspec.ValidationError as error:
-            yield _told(name, str(error))
+            yield _reworded(name, str(error))
 
 
 _JSON_WORDS = {
@@ -180,8 +180,8 @@ _EXPECTED = re.compile(r"Expected `([^`]*)`, got `([^`]*)`")
 _ENUM = re.compile(r"Invalid enum value (.*)", re.DOTALL)
 
 
-def _told(field: str, said: str) -> str:
-    """Return in our words what the library says of a value; the place that it names is within the field."""
+def _reworded(field: str, said: str) -> str:
+    """Return the library's message about a value in our words; the place that it names is within the field."""
     message, _, place = said.partition(" - at `$")
     where = f"{field}{place.removesuffix('`')}"
     if found := _INSIDE.fullmatch(message):

@@ -1,4 +1,4 @@
-"""What every event is: a frozen record of one kind, stamped when it is written."""
+"""Base of all events: a frozen record of one kind, stamped when it is written."""
 
 import re
 from collections.abc import Mapping
@@ -14,14 +14,14 @@ NOTHING: Mapping[str, object] = MappingProxyType({})
 
 
 class Origin(Enum):
-    """What causes events of a kind, and so whether they recur when a run is resumed or replayed."""
+    """The cause of events of a kind, which decides whether they recur when a run is resumed or replayed."""
 
     COURSE = auto()
     """The run's own course: every run of the same course writes them again."""
     OUTSIDE = auto()
     """Something outside the run may have caused them; they do not recur."""
     PERSON = auto()
-    """A person was asked: a resumed run repeats them at other instants, and a replay answers from its record."""
+    """A question to a person: a resumed run repeats them at other instants, and a replay answers from its record."""
 
 
 def _kind(name: str) -> str:
@@ -46,7 +46,7 @@ class Event(Part, frozen=True, kw_only=True, tag_field="kind", tag=_kind):
 
     origin: ClassVar[Origin] = Origin.COURSE
     synced: ClassVar[bool] = False
-    """Whether it is on the disk before the run continues; other kinds follow half a second later at the latest."""
+    """Whether it is on disk before the run continues; other kinds follow within half a second."""
     recurs: ClassVar[bool] = True
     """Whether the event recurs in every run of the same course, its replay included; follows from its origin."""
 
@@ -61,7 +61,7 @@ class Event(Part, frozen=True, kw_only=True, tag_field="kind", tag=_kind):
 
 
 class EventSink(Protocol):
-    """Where events are written down: the journal of a run, as those see it who write."""
+    """Writer's view of a run's journal."""
 
     def write(self, event: Event, *, beside: Mapping[str, object] = NOTHING) -> None:
         """Write an event down.

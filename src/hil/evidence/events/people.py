@@ -1,4 +1,4 @@
-"""Events of people: what they were asked and answered, added, asked for and acknowledged."""
+"""Events of people: questions and answers, notes and attachments, requests, acknowledgements."""
 
 from typing import ClassVar
 
@@ -98,7 +98,7 @@ class Reached(Event, frozen=True, kw_only=True):
 
 
 class AskedAgain(Event, frozen=True, kw_only=True):
-    """A safety confirmation is asked for again because the bench is being armed again.
+    """A safety confirmation is asked for again because the bench is being rearmed.
 
     Attributes:
         name: the question's name.
@@ -172,12 +172,12 @@ class Question(Event, frozen=True, kw_only=True):
         name: the question's name.
         form: `confirm`, `choose`, `measure`, `connect` or `file`; `attach` in older packages, for `connect`.
         text: what the person reads.
-        options: the possible answers, if they are given; for `file` the kinds of files that are taken.
+        options: the possible answers, if they are given; for `file` the kinds of files that are accepted.
         unit: the unit of the number asked for.
         safety: whether somebody's safety depends on the answer.
-        instrument: the name of what the number is read off, in the register of instruments; empty if not told.
-        witness: who has to be present, by role or name; empty if nobody has to.
-        picture: what the person is shown beside the text.
+        instrument: what the number is read off, by its name in the register of instruments; empty if not given.
+        witness: who has to be present, by role or name; empty if no witness is needed.
+        picture: the picture shown beside the text.
     """
 
     case: str
@@ -200,8 +200,8 @@ class GivenFile(Part, frozen=True, kw_only=True):
 
     Attributes:
         file: its name in `data/attachments`.
-        given: the name that it had, in letters that no terminal obeys.
-        type: what it is by its content: `pdf`, `png`, `jpeg`, `step`, `csv` or `text`.
+        given: its original name, without control characters.
+        type: its type, judged by its content: `pdf`, `png`, `jpeg`, `step`, `csv` or `text`.
         size: its size in bytes.
         sha256: its hash.
     """
@@ -220,7 +220,7 @@ class Answer(Event, frozen=True, kw_only=True):
         case: the case that asked.
         step: the number of its step, empty outside steps.
         name: the question's name.
-        value: the answer; for a file the name that it had.
+        value: the answer; for a file its original name.
         by: who gave it.
         file: the file that was given.
         witness: the name of the witness who confirmed it, empty if none was asked for.

@@ -17,10 +17,10 @@ class Channel(Part, frozen=True, kw_only=True):
         instrument: what measured it.
         calibration: the instrument's certificate, empty without one.
         uncertainty: standard uncertainty in its unit, null if unknown.
-        probe: of a capture, the factor between what the instrument sees and the channel's values.
-        resolution: of a capture, the step of its converter, in the channel's unit.
-        low: of a capture, the least value that the converter has; a sample there may be less.
-        high: of a capture, the largest one.
+        probe: of a capture, the attenuation: the channel's values divided by what the instrument sees.
+        resolution: of a capture, the converter's step, in the channel's unit.
+        low: of a capture, the converter's lowest value; a sample there may be lower.
+        high: of a capture, the converter's highest value; a sample there may be higher.
     """
 
     name: str
@@ -35,7 +35,7 @@ class Channel(Part, frozen=True, kw_only=True):
 
 
 class Capture(Part, frozen=True, kw_only=True):
-    """What makes a recording a capture: an instrument took its rows by itself, around its trigger.
+    """Capture: an instrument took the rows of a recording by itself, around its trigger.
 
     Attributes:
         interval: the time between two rows in s.
@@ -62,11 +62,11 @@ class Recording(Event, frozen=True, kw_only=True):
         step: the number of its step, null outside all cases.
         channels: the channels, in the order of its columns.
         rate: rows per second of bench time.
-        duration: bench time in s that it is to last, null if it has no end of its own.
+        duration: bench time in s that it is to last, null if it is open-ended.
         source: where its bytes come from.
-        continues: whether a run that was stopped in it continues it, with a gap.
-        capture: what an instrument captured by itself; the rows' times then count from its trigger, and not from the
-            beginning of the run. Null for any other recording.
+        continues: whether a run that was stopped during it continues it, with a gap.
+        capture: how an instrument captured it; the rows' times then count from the trigger, not from the beginning of
+            the run. Null for any other recording.
     """
 
     recording: str
@@ -102,7 +102,7 @@ class RecordingEnd(Event, frozen=True, kw_only=True):
         recording: its id.
         rows: how many rows it has.
         sha256: the hash over them.
-        complete: whether it lasted as long as it was to.
+        complete: whether it lasted as long as planned.
         gaps: the largest time between two rows in s.
     """
 

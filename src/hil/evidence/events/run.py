@@ -1,4 +1,4 @@
-"""Events of a run as a whole: what it was asked for, what interrupted it, how it ended."""
+"""Events of a run as a whole: its request, its interruptions, its end."""
 
 from collections.abc import Mapping
 from typing import ClassVar, Literal
@@ -76,7 +76,7 @@ class Run(Event, frozen=True, kw_only=True):
         plans: the plans, in order.
         seed: the seed of the simulated bench, empty without one.
         catalogue: SHA-256 of the frozen requirements.
-        parameters: SHA-256 of the parameters that were used.
+        parameters: SHA-256 of the parameters used.
         sources: SHA-256 over the sources of plans and fixtures.
         version: the version of hil.
         deviations: how the run deviates from its plan, a sentence each.
@@ -85,11 +85,11 @@ class Run(Event, frozen=True, kw_only=True):
         epoch: bench time 0 as UTC; not in the oldest packages.
         overrides: parameters changed on the command line; not in the oldest packages.
         skips: cases left out on the command line, with the reason; not in the oldest packages.
-        only: the only cases that were to run, as the command line names them; all where there is none.
-        live: the bench outside the process of the run, if it is one.
-        unattended: whether nobody attends the run.
+        only: the only cases to run, as the command line names them; all if there is none.
+        live: the bench, if it is outside the process of the run.
+        unattended: whether the run is unattended.
         on_call: who is on call for an unattended run.
-        recorded_elsewhere: what was put in as a package, if hil did not make the run: there was no bench file, and
+        recorded_elsewhere: what was imported as a package, if hil did not make the run: there was no bench file, and
             there need not be a register.
     """
 
@@ -141,7 +141,7 @@ class PlannedCase(Part, frozen=True, kw_only=True):
 
 
 class Planned(Event, frozen=True, kw_only=True):
-    """Which cases are planned, before any is deselected.
+    """The planned cases, before any is deselected.
 
     Attributes:
         cases: the cases, in order.
@@ -163,7 +163,7 @@ class Orphan(Event, frozen=True, kw_only=True):
 
 
 class Anomaly(Event, frozen=True, kw_only=True):
-    """Something that should not have happened, or that is suspicious about a requirement's source.
+    """Something that should not have happened, or something suspicious about a requirement's source.
 
     Attributes:
         text: what it is.
@@ -179,7 +179,7 @@ class Stop(Event, frozen=True, kw_only=True):
 
     Attributes:
         reason: who or what asked for it, `disk full` for a full disk.
-        urgent: whether it was asked for again.
+        urgent: whether it was requested a second time.
         resumable: whether the package stays open, so that the run can be resumed.
     """
 
@@ -196,7 +196,7 @@ class Voided(Part, frozen=True, kw_only=True):
     Attributes:
         recording: its id.
         first: the first void row.
-        end: the row after the last void one.
+        end: the row after the last void row.
     """
 
     recording: str
@@ -212,7 +212,7 @@ class Failed(Part, frozen=True, kw_only=True):
         requirement: the requirement.
         parameter: the parameter of its limit.
         of: which member of the limit's denominator, null without one.
-        reason: why, empty if it is plain.
+        reason: why, empty if it is obvious.
     """
 
     case: str
@@ -223,16 +223,16 @@ class Failed(Part, frozen=True, kw_only=True):
 
 
 class Entry(Part, frozen=True, kw_only=True):
-    """Where a stopped run was resumed.
+    """The point at which a stopped run was resumed.
 
     Attributes:
-        place: how many events of the run's own course stand up to the one after which it was resumed.
+        place: how many events of the run's own course stand, up to the one after which it was resumed.
         boundary: the sequence number of that event.
         void_to: the sequence number of the last void event; the first is the one after the boundary.
         operations: how many operations the transcript held; those since the boundary are void, too.
         number: the number of the next recording.
         rows: the void rows of every recording that continued.
-        kept: the recording at whose beginning the run was resumed and whose rows stand; empty without one.
+        kept: the recording at whose beginning the run was resumed and whose rows stand; empty if there is none.
         over: whether every case had ended, so that only the safe-off was left.
         failed: the void checks that had failed.
     """
@@ -252,14 +252,14 @@ class Resumed(Event, frozen=True, kw_only=True):
     """The run had been interrupted, and was resumed.
 
     Attributes:
-        number: how often it has been resumed by now.
+        number: how many times it has been resumed so far.
         checkpoint: the bench time in s of the checkpoint of the simulated bench, 0 without one.
         torn_bytes: how many bytes of an incomplete line the journal ended with.
         deviation: how this resumption deviates from the plan, empty if it does not.
         seconds: how long the run was interrupted.
         text: the same in words.
         entry: where a stopped run was resumed; left out for a killed run, which continues where it was.
-        guardian: the SHA-256 of the guardian's journal as it was then; left out where it had done nothing.
+        guardian: the SHA-256 of the guardian's journal as it was then; left out if the guardian had not acted.
     """
 
     number: int
@@ -332,7 +332,7 @@ class NotifyFailed(Event, frozen=True, kw_only=True):
     """The workspace's `notify` command failed.
 
     Attributes:
-        event: the event it was to be given.
+        event: the event that it should have been given.
         reason: what went wrong.
     """
 

@@ -1,4 +1,4 @@
-"""The times of a journal's lines: whether they are whole, in order, and those of the run's supervisor."""
+"""Clock checks of a journal: whether its times are complete, in order, and agree with the run's supervisor."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from hil.model.errors import Finding
 __all__ = ["DOUBT", "SUPERVISOR", "clock_doubts", "clock_findings"]
 
 DOUBT = "CLOCK: "
-"""How a sentence begins about times that cannot be believed, such as in an anomaly of the run."""
+"""Prefix of sentences about times that cannot be believed, such as in an anomaly of the run."""
 SUPERVISOR = "supervisor"
-"""The field of a line's wall half with the latest stamp of the process that supervises the run."""
+"""The field in the wall half of a line with the latest stamp of the process that supervises the run."""
 
 _APART_S = 2.0
-"""Two clocks of one machine that are read one after the other are not further apart, and smaller steps go unnoticed."""
+"""Tolerance between two clocks of one machine read one after the other; smaller steps go unnoticed."""
 
 _Timed = tuple[JournalLine, tuple[float, float]]
 
@@ -28,9 +28,9 @@ _ENTERS = (Reboot, Recovered, Resumed)
 
 
 def clock_findings(lines: Sequence[JournalLine]) -> Iterator[Finding]:
-    """Give every line without a whole wall stamp, and every one that goes back in time without a word.
+    """Yield every line without a complete wall stamp, and every unexplained step back in time.
 
-    UTC may go back where an event says that the time of day was set, or where another process went on.
+    UTC may go back where an event says that the time of day was set, or where another process took over.
     """
     timed = [(line, _read(line.wall)) for line in lines]
     for line, read in timed:
@@ -54,12 +54,12 @@ def clock_findings(lines: Sequence[JournalLine]) -> Iterator[Finding]:
 def clock_doubts(lines: Sequence[JournalLine]) -> tuple[str, ...]:
     """Return why the times of a run cannot be believed, a sentence each; none means that its supervisor agrees.
 
-    UTC is compared with the time since boot from line to line, and both with what the supervisor stamped itself: code
-    of a case can change the clocks of its own process, and not those of another one. What the run was told by the
-    ledger, which has entries of a later time, is one, too.
+    UTC is compared with the time since boot from line to line, and both with the supervisor's own stamps: code of a
+    case can change the clocks of its own process, but not those of another one. An anomaly noted because the ledger
+    has entries of a later time counts, too.
     """
-    told = (line.event.text for line in lines if isinstance(line.event, Anomaly))
-    found = (*_steps(lines), *_other_clocks(lines), *(text for text in told if text.startswith(DOUBT)))
+    noted = (line.event.text for line in lines if isinstance(line.event, Anomaly))
+    found = (*_steps(lines), *_other_clocks(lines), *(text for text in noted if text.startswith(DOUBT)))
     run = next((line.event for line in lines if isinstance(line.event, Run)), None)
     if run is not None and run.live is not None and not any(SUPERVISOR in line.wall for line in lines):
         return (*found, "no supervisor stamped the times of the run")
@@ -70,7 +70,7 @@ _FIELDS: Mapping[str, type | tuple[type, ...]] = {"utc": str, "boot": (int, floa
 
 
 def _read(stamp: Mapping[str, object]) -> tuple[float, float] | None:
-    """Return UTC and time since boot of a stamp in s, None where it is not whole."""
+    """Return UTC and time since boot of a stamp in s, None if it is incomplete."""
     utc, boot = stamp.get("utc"), stamp.get("boot")
     if not isinstance(utc, str) or not isinstance(boot, int | float) or not isinstance(stamp.get("boot_id"), str):
         return None
@@ -83,7 +83,7 @@ def _read(stamp: Mapping[str, object]) -> tuple[float, float] | None:
 def _pairs(
     timed: Iterable[tuple[JournalLine, tuple[float, float] | None]],
 ) -> Iterator[tuple[_Timed, _Timed]]:
-    """Give each line and the next one with their UTC and time since boot in s, where both are whole."""
+    """Yield each line and the next one with their UTC and time since boot in s, where both are complete."""
     for (before, was), (line, now) in pairwise(timed):
         if was is not None and now is not None:
             yield (before, was), (line, now)
@@ -98,7 +98,7 @@ def _explained(step: float, jumps: Sequence[float]) -> bool:
 
 
 def _steps(lines: Sequence[JournalLine]) -> Iterator[str]:
-    """Give where UTC and the time since boot parted, and no event says so."""
+    """Yield where UTC and the time since boot diverge without an event that says so."""
     jumps = _jumps(lines)
     for (before, was), (line, now) in _pairs((line, _read(line.wall)) for line in lines):
         if before.wall["boot_id"] != line.wall["boot_id"]:
@@ -113,7 +113,7 @@ def _steps(lines: Sequence[JournalLine]) -> Iterator[str]:
 
 
 def _other_clocks(lines: Sequence[JournalLine]) -> Iterator[str]:
-    """Give the first line whose clocks are not those that its supervisor stamped by then."""
+    """Yield the first line whose clocks disagree with its supervisor's stamp."""
     before: JournalLine | None = None
     for line in lines:
         found = line.wall.get(SUPERVISOR)
@@ -124,7 +124,7 @@ def _other_clocks(lines: Sequence[JournalLine]) -> Iterator[str]:
 
 
 def _other_clock(found: Mapping[str, object], line: JournalLine, before: JournalLine | None) -> str:
-    """Return in which way a line's clocks differ; the time of day may have been set between two lines."""
+    """Return how a line's clocks differ; the time of day may have been set between two lines."""
     said, now = _read(found), _read(line.wall)
     if said is None or now is None or found["boot_id"] != line.wall["boot_id"]:
         return "has no whole stamp of the supervisor of this machine"

@@ -18,15 +18,15 @@ _SHOWN = 300
 
 
 def entries(events: Iterable[Event]) -> tuple[tuple[Entry, float], ...]:
-    """Return where a run was resumed after a stop, in order, each with the bench time in s of its resumption."""
+    """Return the points at which a run was resumed after a stop, in order, each with the bench time in s."""
     return tuple((event.entry, event.t) for event in events if isinstance(event, Resumed) and event.entry)
 
 
 class Past:
-    """Events that were written down before.
+    """Events recorded before an interruption.
 
     Args:
-        lines: the journal's lines, from the first event on that is made again.
+        lines: the journal's lines, from the first event that is repeated.
     """
 
     def __init__(self, lines: Iterable[JournalLine]) -> None:
@@ -38,18 +38,18 @@ class Past:
         return all(line.event.origin is Origin.OUTSIDE for line in self._lines)
 
     def take(self, event: Event, t: float) -> bool:
-        """Return whether the journal holds this event next; False for one that is new.
+        """Return whether this event is the next one in the journal; False for a new one.
 
-        Questions and answers recur, but not at their instants, nor in their places among the readings of monitors:
-        a person took time, during which the bench was looked after, and who answers from the record takes none.
+        Questions and answers recur, but not at the same instants, nor in the same places among the readings of
+        monitors: a person took time, during which the bench was watched, and answers from the record take none.
 
         Raises:
-            Diverged: if the journal holds another one, and none of them comes from outside.
+            Diverged: if the journal holds a different one, and neither comes from outside.
         """
         for place, line in enumerate(self._lines):
             when = line.event.t if event.origin is Origin.PERSON else t
             if encode(stamped(event, line.event.seq, when)) == line.raw:
-                self._come_to(place)
+                self._take_up_to(place)
                 return True
             if line.event.recurs:
                 break
@@ -57,15 +57,15 @@ class Past:
             self._refuse(event, t)
         return False
 
-    def _come_to(self, place: int) -> None:
-        """Take the line at this place, and with it those before it that do not recur."""
+    def _take_up_to(self, place: int) -> None:
+        """Take the line at this place, and those before it that do not recur."""
         owed = [line for line in islice(self._lines, place) if line.event.origin is Origin.PERSON]
         for _ in range(place + 1):
             self._lines.popleft()
         self._lines.extendleft(reversed(owed))
 
     def skip(self, last: int) -> None:
-        """Pass over the events up to sequence number `last`, which are void."""
+        """Skip the events up to sequence number `last`, which are void."""
         while self._lines and self._lines[0].event.seq <= last:
             self._lines.popleft()
 

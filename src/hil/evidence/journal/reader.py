@@ -1,4 +1,4 @@
-"""The journal's reader: events, a torn tail, and every place where chain or sequence break."""
+"""Reader of the journal: events, a torn tail, and every break in chain or sequence."""
 
 from __future__ import annotations
 
@@ -41,10 +41,10 @@ Body = Mapping[str, Any]
 """The body of one event: JSON values, `seq`, `t` and `kind` among them."""
 
 FIRST = "0" * 64
-"""What the first line names as its predecessor."""
+"""The predecessor's hash in the first line."""
 
 LONGEST_LINE = 64_000_000
-"""No event is longer than this; what is longer is not held in memory."""
+"""No event is longer than this; longer lines are not held in memory."""
 
 _SHORT = 100
 _OF_LINE = frozenset({"body", "prev", "wall"})
@@ -52,10 +52,10 @@ _START = b'{"body":'
 _BEFORE_PREVIOUS = b',"prev":"'
 _AFTER_PREVIOUS = b'","wall":'
 _WALL = len(_BEFORE_PREVIOUS) + len(FIRST)
-"""Where in the rest of a line the wall's name begins."""
+"""Offset of the wall's name in the rest of a line."""
 _BLOCK = 1 << 20
 _PIECE = 1 << 16
-"""The last two lines of most journals are shorter."""
+"""Longer than the last two lines of most journals."""
 
 
 class UnknownFormat(EvidenceError):
@@ -69,10 +69,10 @@ class JournalLine:
     Attributes:
         number: the line's number, from 1.
         event: the event.
-        wall: what is true of this place and moment only: the stamp, and hashes of files that hold such things.
+        wall: facts of this place and moment only: the stamp, and hashes of files that hold such facts.
         raw: the body's bytes.
         rest: the line's bytes after the body.
-        as_written: whether it was read as the writer writes it; else nobody has looked.
+        as_written: whether it is known to be exactly as the writer writes it; otherwise this was not checked.
     """
 
     number: int
@@ -95,11 +95,11 @@ class JournalLine:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JournalReading:
-    """A journal as it was found.
+    """Result of reading a journal.
 
     Attributes:
         lines: the lines that could be read.
-        first: the body of the first line as JSON, also where its event is none that this version knows.
+        first: the body of the first line as JSON, even if its event is not one that this version knows.
         torn: bytes after the last newline, `LONGEST_LINE` at most.
         findings: where lines cannot be read, or chain or sequence break.
         head: SHA-256 of the last line.
@@ -114,7 +114,7 @@ class JournalReading:
     events: tuple[Event, ...] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        """Gather the events once: they are asked for many times."""
+        """Collect the events once: they are used many times."""
         object.__setattr__(self, "events", tuple([line.event for line in self.lines]))
 
     @property
@@ -138,8 +138,8 @@ def read_journal(path: Path) -> JournalReading:
 def read_ends(path: Path) -> JournalReading:
     """Read the first two and the last two lines of a journal, and nothing between them.
 
-    These tell what a run was, what was frozen, and how it ended. The last two have the line numbers that their
-    sequence numbers give; whether the chain holds between them is not looked at.
+    These show what a run was, what was frozen, and how it ended. The last two have the line numbers that follow from
+    their sequence numbers; the chain between them is not checked.
 
     Raises:
         EvidenceError: if there is no file to read.
@@ -158,10 +158,10 @@ def _read(path: Path, how: Callable[[BinaryIO], JournalReading]) -> JournalReadi
 
 
 def require_known_format(reading: JournalReading) -> None:
-    """Check whether this version knows the format that a run's first event names.
+    """Require that this version knows the format named by a run's first event.
 
     Raises:
-        UnknownFormat: where it does not.
+        UnknownFormat: if it does not.
     """
     run = reading.first
     if run.get("kind") != "run" or ((found := run.get("format")) == FORMAT and type(found) is int):
@@ -173,17 +173,17 @@ def require_known_format(reading: JournalReading) -> None:
 
 
 def cut_torn_tail(folder: Path) -> int:
-    """Move half a line at the journal's end into a file of its own; return how many bytes there no event tells of.
+    """Move an incomplete line at the journal's end to a file of its own; return how many of its bytes no event records.
 
-    The tail is on the disk in its new place before it goes from the old one. Whoever was ended between that and the
-    event that tells of it has left it there, to be told by the next.
+    The tail is on disk in its new place before it is removed from the old one. If the process ended between that and
+    the event that records it, the next event does.
     """
     journal, kept = folder / JOURNAL, folder / TORN
     with open_plain(journal) as stream:
         size, begin = _torn_part(stream)
         stream.seek(begin)
         torn = stream.read(size - begin)
-    untold = _untold(journal, kept)
+    untold = _unrecorded(journal, kept)
     if not torn:
         return untold
     if not untold or not read_plain(kept).endswith(torn):
@@ -197,12 +197,12 @@ def cut_torn_tail(folder: Path) -> int:
     return untold
 
 
-def _untold(journal: Path, kept: Path) -> int:
-    """Return how many bytes of earlier tails no event tells of."""
+def _unrecorded(journal: Path, kept: Path) -> int:
+    """Return how many bytes of earlier tails no event records."""
     if not kept.exists():
         return 0
-    told = (event.torn_bytes for event in read_journal(journal).events if isinstance(event, Recovered | Resumed))
-    return max(0, kept.stat().st_size - sum(told))
+    recorded = (event.torn_bytes for event in read_journal(journal).events if isinstance(event, Recovered | Resumed))
+    return max(0, kept.stat().st_size - sum(recorded))
 
 
 def _torn_part(stream: BinaryIO) -> tuple[int, int]:
@@ -240,7 +240,7 @@ def _ends(stream: BinaryIO) -> JournalReading:
 
 
 def _last_lines(stream: BinaryIO, begin: int, end: int) -> list[bytes]:
-    """Return the last two whole lines between two places."""
+    """Return the last two complete lines between two offsets."""
     start, data = end, b""
     while start > begin and data.count(b"\n") < 3 and len(data) <= LONGEST_LINE:
         before, start = start, max(begin, start - _PIECE)
@@ -281,10 +281,10 @@ def _reading(stream: BinaryIO) -> JournalReading:
 
 
 def _as_written(number: int, raw: bytes) -> tuple[Body, str, JournalLine] | None:
-    """Return body, predecessor and line of what the writer wrote; None for any other, which has to be read strictly.
+    """Return body, predecessor and line if it is exactly as written; None for any other, which has to be read strictly.
 
-    The library reads a line many times as fast, and takes what must be refused, such as a key that stands twice. What
-    it found is what the line says exactly where every byte follows from it.
+    The library reads a line many times as fast, but accepts what must be refused, such as a duplicate key. Its result
+    is what the line says only if every byte follows from it.
     """
     cut = raw.rfind(_BEFORE_PREVIOUS)
     text, rest = raw[len(_START) : cut], raw[cut:-1]
@@ -301,7 +301,7 @@ def _as_written(number: int, raw: bytes) -> tuple[Body, str, JournalLine] | None
 
 
 def _is_written(text: bytes, rest: bytes, event: Event, wall: Body) -> bool:
-    """Return whether every byte of a line is as the writer writes it, but for what it names as its predecessor."""
+    """Return whether every byte of a line is as the writer writes it, except its predecessor's hash."""
     between, stamp = rest[_WALL : (at := _WALL + len(_AFTER_PREVIOUS))], rest[at:-1]
     closed = rest.endswith(b"}") and between == _AFTER_PREVIOUS
     return closed and is_text_of(text, event) and is_text_of(stamp, wall)
@@ -317,7 +317,7 @@ _DECODE = msgspec.json.Decoder(_Line).decode
 
 
 def _raw_lines(stream: BinaryIO) -> Iterator[tuple[bytes, str | None]]:
-    """Give line by line; of one that is too long only its newline if it has one, and the hash before that."""
+    """Yield line by line; of one that is too long, only its newline, if it has one, and the hash of what is before."""
     while raw := stream.readline(LONGEST_LINE + 1):
         if raw.endswith(b"\n") or len(raw) <= LONGEST_LINE:
             yield raw, None
@@ -331,7 +331,7 @@ def _raw_lines(stream: BinaryIO) -> Iterator[tuple[bytes, str | None]]:
 
 
 def _parts(raw: bytes, *, whole: bool) -> tuple[Body, Body, str]:
-    """Return body and wall of a line, and what it names as its predecessor."""
+    """Return body and wall of a line, and its predecessor's hash."""
     if not whole:
         raise JsonError(f"the line has more than {LONGEST_LINE} bytes")
     value = parse_strict(raw)
@@ -351,7 +351,7 @@ def _parts(raw: bytes, *, whole: bool) -> tuple[Body, Body, str]:
 
 
 def _shared(fields: Mapping[str, Any]) -> dict[str, Any]:
-    """Return an object whose names and short texts are one with those of other lines: weeks of events say the same."""
+    """Return an object that shares names and short texts with other lines: weeks of events repeat them."""
     return {
         name: sys.intern(value) if type(value) is str and len(value) <= _SHORT else value
         for name, value in fields.items()

@@ -1,4 +1,4 @@
-"""The journal's writer: one flushed line per event, chained by SHA-256, whole also on a full disk."""
+"""Writer of the journal: one flushed line per event, chained by SHA-256, never torn by a full disk."""
 
 from __future__ import annotations
 
@@ -29,20 +29,20 @@ _LOST = "disk full: {} events before this one could not be written"
 _GAP = re.compile(f"{_LOST.format('[0-9]+')}|{UNRECORDED}")
 _OLDEST_S = 0.5
 _SUPERVISED_S = 60.0
-"""So far apart are the lines that carry what the supervisor stamped; the last ones do in any case."""
+"""Interval between the lines that carry the supervisor's stamp; the last ones carry it in any case."""
 
 
 class Journal:
-    """An append-only journal; a file that exists is continued.
+    """An append-only journal; an existing file is continued.
 
     Args:
         path: the journal's file.
         reserve: a file whose space is released when the disk is full.
-        stamp: where wall time comes from.
-        write: `os.write`, or what stands in for a disk in tests.
-        sync: brings an open file to the disk.
-        now: seconds on a wall clock that only goes forward.
-        supervisor: what the process that supervises the run stamped last.
+        stamp: the source of wall time.
+        write: `os.write`, or a substitute for a disk in tests.
+        sync: syncs an open file to disk.
+        now: seconds on a monotonic clock.
+        supervisor: the latest stamp of the process that supervises the run.
 
     Raises:
         EvidenceError: if the existing journal is torn or its chain is broken.
@@ -74,7 +74,7 @@ class Journal:
         self._size = 0
         self._last_t = 0.0
         self._lost = 0
-        self._full = self._told = False
+        self._full = self._reported = False
         self._writer = os.getpid(), threading.get_ident()
         if path.exists():
             self._go_on()
@@ -88,7 +88,7 @@ class Journal:
 
     @property
     def lost(self) -> int:
-        """How many events found no space; the next one that fits is preceded by an anomaly that says so."""
+        """Number of events for which there was no space; an anomaly before the next one that fits reports them."""
         return self._lost
 
     @property
@@ -98,7 +98,7 @@ class Journal:
 
     @property
     def head(self) -> str:
-        """The SHA-256 of its last line, as the next one will name it."""
+        """The SHA-256 of its last line, which the next one will name."""
         return self._head.decode()
 
     @property
@@ -107,19 +107,19 @@ class Journal:
         return self._last_t
 
     def write(self, event: Event, t: float, *, beside: Mapping[str, object] = NOTHING) -> int:
-        """Write one event down and return its sequence number.
+        """Write one event and return its sequence number.
 
-        On a full disk the reserve is released and the event still written; that is told once, by an error. From
+        On a full disk the reserve is released and the event still written; this is reported once, by an error. From
         then on events are written as far as space allows, so that making the bench safe is not disturbed again.
 
         Args:
-            event: the event, not stamped yet; a `synced` one is on the disk when this returns.
+            event: the event, not stamped yet; a `synced` one is on disk when this returns.
             t: bench time in seconds.
-            beside: what is true of this place and moment only; it goes into the line's wall half, beside the stamp.
+            beside: facts of this place and moment only; they go into the line's wall half, beside the stamp.
 
         Raises:
             JsonError: for values that have no canonical JSON; nothing is written.
-            Refused: in another thread or process than the one that opened the journal; nothing is written.
+            Refused: in a thread or process other than the one that opened the journal; nothing is written.
             EvidenceError: "disk full", once, or another error of the file system.
         """
         if (os.getpid(), threading.get_ident()) != self._writer:
@@ -134,18 +134,18 @@ class Journal:
             self._lost += 1
             self._full = True
             number = -1
-        if self._full and not self._told:
-            self._told = True
+        if self._full and not self._reported:
+            self._reported = True
             raise EvidenceError(f"{self._path}: disk full", "free some space before the next run")
         return number
 
     def tick(self) -> None:
-        """Bring events to the disk that wait for long; called at every scheduling point, twice a second or more often.
+        """Sync events that have waited long enough; called at every scheduling point, at least twice a second.
 
         Events that found no space are counted as soon as there is some.
 
         Raises:
-            OSError: if the disk does not take them, and there is no reserve to release.
+            OSError: if the disk is full, and there is no reserve to release.
         """
         if self._lost:
             self._tell_lost(self._last_t)
@@ -153,7 +153,7 @@ class Journal:
             self._sync()
 
     def sync(self) -> None:
-        """Bring every event to the disk that is not there yet.
+        """Sync every event that is not on disk yet.
 
         Raises:
             OSError: as `tick`.
@@ -162,7 +162,7 @@ class Journal:
             self._sync()
 
     def close(self) -> None:
-        """Bring everything to the disk and close the file; closing twice is allowed."""
+        """Sync everything and close the file; closing twice is allowed."""
         if self._descriptor >= 0:
             self._os_sync(self._descriptor)
             os.close(self._descriptor)
@@ -214,12 +214,12 @@ class Journal:
 
     def _wall(self, beside: Mapping[str, object], *, last: bool) -> bytes:
         now = self._stamp()
-        told = {**beside, "boot": now.boot, "boot_id": now.boot_id, "utc": now.utc}
+        fields = {**beside, "boot": now.boot, "boot_id": now.boot_id, "utc": now.utc}
         due = last or not 0 <= now.boot - self._supervised < _SUPERVISED_S
         if due and (said := self._supervisor()):
             self._supervised = now.boot
-            told[SUPERVISOR] = {"boot": said.boot, "boot_id": said.boot_id, "utc": said.utc}
-        return quick_canonical(told)
+            fields[SUPERVISOR] = {"boot": said.boot, "boot_id": said.boot_id, "utc": said.utc}
+        return quick_canonical(fields)
 
     def _put(self, data: bytes) -> None:
         rest = memoryview(data)
@@ -227,7 +227,7 @@ class Journal:
             while rest:
                 rest = rest[self._put_some(rest) :]
         except OSError:
-            os.ftruncate(self._descriptor, self._size)  # half a line would break the chain of those that follow
+            os.ftruncate(self._descriptor, self._size)  # an incomplete line would break the chain of the following ones
             raise
         self._size += len(data)
 

@@ -1,1 +1,1 @@
-"""The ledger beside the packages: what is said of runs from outside them, in one chain that only grows."""
+"""The ledger beside the packages: entries about runs from outside them, in one append-only chain."""

@@ -1,4 +1,4 @@
-"""Signatures and approvals of packages and of records beside them: how they are entered, and which of them count."""
+"""Signatures and approvals of packages and of records beside them: entering them, and deciding which count."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _LONGEST = 500
 
 
 class _Kept(msgspec.Struct, frozen=True, kw_only=True):
-    """The files of signers and keys, whose bytes JSON holds in base64."""
+    """The files of signers and keys, with their bytes in base64."""
 
     format: int
     files: dict[str, bytes]
@@ -42,8 +42,8 @@ class Subject:
         evidence: the package's evidence digest, or the SHA-256 of the record's content.
         operator: who ran it, as the run recorded it, or who wrote the record.
         content: the content of a record, which has no seal; empty for a package.
-        others: who else may not approve a record: the operators of the runs that it speaks of.
-        alone: whether its author may approve a record, which then is the author's signature.
+        others: who else may not approve a record: the operators of the runs that it is about.
+        alone: whether its author may approve a record; the approval is then the author's signature.
     """
 
     run: str
@@ -83,7 +83,7 @@ def sign_package(reports: Path, subject: Subject, signers: Signers, *, principal
     """Sign a package and enter the signature.
 
     Raises:
-        Refused: if the signature would not count, with why; nothing is entered then.
+        Refused: if the signature would not count, with the reason; nothing is entered.
         EvidenceError: if the ledger cannot be read or written.
     """
     return _enter(reports, subject, signers, principal=principal, key=key)
@@ -95,7 +95,7 @@ def approve(
     """Approve a package in a role and enter the approval.
 
     Raises:
-        Refused: if the approval would not count, with why; nothing is entered then.
+        Refused: if the approval would not count, with the reason; nothing is entered.
         EvidenceError: if the ledger cannot be read or written.
     """
     meaning = meaning.strip()
@@ -108,7 +108,7 @@ def approve(
 
 
 def said_of(ledger: Ledger, subject: Subject, signers: Signers) -> tuple[Said, ...]:
-    """Return every signature and approval that the ledger has of a package, and why some do not count.
+    """Return every signature and approval of a package in the ledger, and why some do not count.
 
     Raises:
         Refused: if there are some, and no ssh-keygen to verify them with.
@@ -119,7 +119,7 @@ def said_of(ledger: Ledger, subject: Subject, signers: Signers) -> tuple[Said, .
 
 
 def stray_files(ledger: Ledger, run: str) -> Iterator[str]:
-    """Give a sentence for every file of a run's folder of signatures that is not as the ledger has it."""
+    """Yield a sentence for every file in a run's folder of signatures that is not as the ledger has it."""
     place = ledger.reports / LEDGER / _FOLDER / run
     due: dict[str, str] = {}
     for entry in ledger.entries:
@@ -177,7 +177,7 @@ def _enter(
 
 
 def _statement(ledger: Ledger, subject: Subject, principal: str, role: str, meaning: str) -> Statement:
-    """Return what is signed: of a package whose seal the ledger has, or of a record."""
+    """Return the statement to sign, about a package whose seal is in the ledger, or about a record."""
     if subject.content:
         return Statement(
             format=1,
@@ -215,7 +215,7 @@ def _would_not_count(subject: Subject, problem: str) -> Refused:
 
 
 def keep_signers(reports: Path, signers: Signers) -> None:
-    """Keep who can sign at this moment, unless that stands already.
+    """Keep the present signers in the ledger, unless they are there already.
 
     Raises:
         EvidenceError: if the ledger cannot be written.
@@ -234,7 +234,7 @@ def _files_of(signers: Signers) -> dict[str, bytes]:
 
 
 def signers_then(reports: Path, entries: Iterable[Entry], place: Path) -> Signers | None:
-    """Return who could sign when the last of these entries was written; None where no entry tells.
+    """Return who could sign when the last of these entries was written; None if no entry records it.
 
     Args:
         reports: the folder of reports.
@@ -242,8 +242,8 @@ def signers_then(reports: Path, entries: Iterable[Entry], place: Path) -> Signer
         place: an empty folder for the files of keys, which ssh-keygen reads.
 
     Raises:
-        EvidenceError: if what was kept is missing or was changed.
-        ConfigurationError: if this version cannot read the register that was kept.
+        EvidenceError: if the kept files are missing or were changed.
+        ConfigurationError: if this version cannot read the kept register.
     """
     kept = [each.object for each in entries if isinstance(each, Baseline) and each.subject == "signers"]
     if not kept:
@@ -254,7 +254,7 @@ def signers_then(reports: Path, entries: Iterable[Entry], place: Path) -> Signer
 
 
 def _files_in(data: bytes) -> dict[str, bytes]:
-    """Return the files that were kept; earlier versions of hil put them one after the other."""
+    """Return the kept files; earlier versions of hil concatenated them."""
     if data.startswith(b"{"):
         files = msgspec.json.decode(data, type=_Kept).files
         return {name: files[name] for name in _FILES if name in files}
@@ -291,7 +291,7 @@ def _problem(ledger: Ledger, entry: Signed | Approved, subject: Subject, signers
 
 
 def _problem_then(ledger: Ledger, entry: Signed | Approved, signers: Signers, by: Callable[[Signers], str]) -> str:
-    """Return why a signature did not count by those who could sign when it was entered; empty if it did."""
+    """Return why a signature did not count by the signers of the time when it was entered; empty if it did."""
     before = [each for each in ledger.entries if each.seq < entry.seq]
     kept = [each.object for each in before if isinstance(each, Baseline) and each.subject == "signers"]
     if not kept:
@@ -308,7 +308,7 @@ def _problem_then(ledger: Ledger, entry: Signed | Approved, signers: Signers, by
 
 
 def _not_entitled(subject: Subject, signers: Signers, principal: str, role: str, utc: str, authors: set[str]) -> str:
-    """Return why a person may not approve a package in a role; empty if the person may."""
+    """Return why a person may not approve a package in a role; empty if allowed."""
     try:
         person = signers.find(principal)
     except Refused as error:

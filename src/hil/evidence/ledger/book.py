@@ -1,4 +1,4 @@
-"""The ledger's file: append-only lines in a chain, read whole and checked, and the objects that they name."""
+"""The ledger's files: append-only, chained lines, read and checked as a whole, and the objects that they name."""
 
 from __future__ import annotations
 
@@ -57,15 +57,15 @@ _Entry = TypeVar("_Entry", bound=Entry)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ledger:
-    """What a ledger says.
+    """A ledger as read and checked.
 
     Attributes:
         reports: the folder of reports it belongs to.
         entries: every entry that could be read, in order.
         hashes: the SHA-256 of every whole line; the last is the head.
-        findings: everything that is wrong with its lines or their chain; a line counts from 1.
-        torn: how many bytes of an incomplete line stand at its end; that is no damage.
-        older: acknowledgements that older versions wrote in files of their own.
+        findings: everything that is wrong with its lines or their chain; lines count from 1.
+        torn: how many bytes of an incomplete line are at its end; this is not damage.
+        older: acknowledgements that older versions wrote to files of their own.
     """
 
     reports: Path
@@ -77,7 +77,7 @@ class Ledger:
 
     @property
     def head(self) -> str:
-        """The SHA-256 of the last whole line; 64 zeros where there is none."""
+        """The SHA-256 of the last whole line; 64 zeros if there is none."""
         return self.hashes[-1] if self.hashes else ZERO
 
     def of(self, kind: type[_Entry], run: str | None = None) -> tuple[_Entry, ...]:
@@ -102,7 +102,7 @@ def read(reports: Path) -> Ledger:
     """Read the ledger of a folder of reports and check its chain; without one there are no entries.
 
     Raises:
-        EvidenceError: if it is there and cannot be read.
+        EvidenceError: if it exists and cannot be read.
     """
     lines, torn = _lines(_bytes(reports))
     entries: list[Entry] = []
@@ -131,7 +131,7 @@ def head(reports: Path) -> str:
     """Return the head of the ledger: the SHA-256 of its last whole line, 64 zeros without one; nothing is checked.
 
     Raises:
-        EvidenceError: if it is there and cannot be read.
+        EvidenceError: if it exists and cannot be read.
     """
     lines, _ = _lines(_bytes(reports))
     return line_hash(lines[-1]) if lines else ZERO
@@ -145,7 +145,7 @@ def check(reports: Path, published_head: str | None = None) -> tuple[Finding, ..
         published_head: a head that was published earlier; the ledger must contain it.
 
     Raises:
-        EvidenceError: if it is there and cannot be read.
+        EvidenceError: if it exists and cannot be read.
     """
     ledger = read(reports)
     findings = list(ledger.findings)
@@ -157,7 +157,7 @@ def check(reports: Path, published_head: str | None = None) -> tuple[Finding, ..
 
 
 def append(reports: Path, entry: _Entry) -> _Entry:
-    """Append an entry, on the disk when this returns, and return it with its place in the chain.
+    """Append an entry, on disk when this returns, and return it with its place in the chain.
 
     Raises:
         EvidenceError: if the ledger cannot be written, or its last line cannot be read.
@@ -167,15 +167,15 @@ def append(reports: Path, entry: _Entry) -> _Entry:
 
 
 def append_all(reports: Path, entries: Iterable[Entry], *, after: str | None = None) -> None:
-    """Append entries one after the other, on the disk together when this returns.
+    """Append entries in order, all on disk when this returns.
 
     Args:
         reports: the folder of reports.
-        entries: to be appended.
-        after: the head that the ledger must still have, where the entries were concluded from what it said.
+        entries: the entries to append.
+        after: the head that the ledger must still have, if the entries were derived from its content.
 
     Raises:
-        EvidenceError: as `append`, or if the ledger has another head by now; nothing is appended then.
+        EvidenceError: as `append`, or if the ledger has another head by now; nothing is appended.
     """
     with _locked(ledger_file(reports)) as descriptor:
         if after is not None and head(reports) != after:
@@ -187,7 +187,7 @@ def append_all(reports: Path, entries: Iterable[Entry], *, after: str | None = N
 
 
 def append_once(reports: Path, entry: _Entry, stands: Callable[[Ledger], bool]) -> _Entry | None:
-    """Append an entry unless `stands` says of the ledger, locked by then, that it is there already.
+    """Append an entry unless `stands` says of the locked ledger that it is there already.
 
     Raises:
         EvidenceError: as `append`.
@@ -202,7 +202,7 @@ def object_file(reports: Path, name: str) -> Path:
 
 
 def put_object(reports: Path, data: bytes) -> str:
-    """Keep bytes beside the ledger and return their SHA-256, which is their name.
+    """Store bytes beside the ledger and return their SHA-256, which is their name.
 
     Raises:
         EvidenceError: if they cannot be written.
@@ -222,7 +222,7 @@ def read_object(reports: Path, name: str) -> bytes:
     """Return the bytes of an object.
 
     Raises:
-        EvidenceError: if it is missing, cannot be read, or has other bytes than its name says.
+        EvidenceError: if it is missing, cannot be read, or its bytes do not match its name.
     """
     path = object_file(reports, name)
     if not _HASH.fullmatch(name):
@@ -253,7 +253,7 @@ def _lines(data: bytes) -> tuple[list[bytes], bytes]:
 
 
 def _misplaced(entry: Entry, number: int, before: str) -> Iterator[Finding]:
-    """Say what is wrong with the place of an entry."""
+    """Yield what is wrong with the place of an entry."""
     if entry.seq != number:
         yield _finding(number, f"this is entry {entry.seq}: lines were moved, taken out or put in; {_MEND}")
     if entry.prev != before:
@@ -265,7 +265,7 @@ def _misplaced(entry: Entry, number: int, before: str) -> Iterator[Finding]:
 
 
 def _object_findings(reports: Path, ledger: Ledger) -> Iterator[Finding]:
-    """Give a finding for every object that an entry names, and that is missing or changed."""
+    """Yield a finding for every object named by an entry that is missing or changed."""
     for entry in ledger.entries:
         for field in ("object", "statement", "signature"):
             if name := getattr(entry, field, ""):
@@ -281,7 +281,7 @@ def _finding(number: int, message: str) -> Finding:
 
 @contextmanager
 def _locked(path: Path) -> Iterator[int]:
-    """Open the ledger's lines to append to them, alone on this machine; whoever else appends waits."""
+    """Open the ledger's lines for appending, with an exclusive lock on this machine; other writers wait."""
     import fcntl  # noqa: PLC0415 - packages are read where there is no fcntl
 
     descriptor = -1
@@ -298,7 +298,7 @@ def _locked(path: Path) -> Iterator[int]:
 
 
 def _write(reports: Path, descriptor: int, *entries: Entry) -> list[Entry]:
-    """Append entries after the last whole line, and before them what must be said first; return them in place."""
+    """Append entries after the last whole line, preceded by any that must come first; return them with their place."""
     size = os.fstat(descriptor).st_size
     last, torn = _tail(descriptor, size)
     seq, prev = _end_of(reports, last)
@@ -322,7 +322,7 @@ def _write(reports: Path, descriptor: int, *entries: Entry) -> list[Entry]:
 
 
 def _put(descriptor: int, data: bytes) -> None:
-    """Append bytes and sync them; where that fails, nothing of them stays."""
+    """Append bytes and sync them; if that fails, none of them stays."""
     size = os.fstat(descriptor).st_size
     rest = memoryview(data)
     try:
@@ -336,9 +336,9 @@ def _put(descriptor: int, data: bytes) -> None:
 
 
 def _tail(descriptor: int, size: int) -> tuple[bytes, bytes]:
-    """Return the last whole line, empty without one, and what follows it; nothing before them is read.
+    """Return the last whole line, empty if there is none, and what follows it; nothing before it is read.
 
-    A line holds its own number and the hash of the one before it. Damage before is found by those who read the ledger.
+    A line holds its own number and the hash of the one before it. Reading the ledger finds any earlier damage.
     """
     data, start = b"", size
     while start and data.count(b"\n") < 2:
@@ -350,7 +350,7 @@ def _tail(descriptor: int, size: int) -> tuple[bytes, bytes]:
 
 
 def _end_of(reports: Path, last: bytes) -> tuple[int, str]:
-    """Return number and hash of the last line; -1 and zeros without one."""
+    """Return number and hash of the last line; -1 and zeros if there is none."""
     if not last:
         return -1, ZERO
     try:
@@ -362,7 +362,7 @@ def _end_of(reports: Path, last: bytes) -> tuple[int, str]:
 
 
 def _older(place: Path) -> Iterator[Acknowledged]:
-    """Give the acknowledgements of older versions, one file each, as far as they can be read."""
+    """Yield the acknowledgements of older versions, one file each, as far as they can be read."""
     for path in sorted(place.glob("*.json")) if place.is_dir() else ():
         try:
             said = parse_strict(read_plain(path))

@@ -1,4 +1,4 @@
-"""The entries of the ledger, each kind a frozen type, and the strict codec of their lines."""
+"""Entries of the ledger, each kind a frozen type, and the strict codec of their lines."""
 
 import hashlib
 import re
@@ -39,10 +39,10 @@ __all__ = [
 
 FORMAT = 1
 ZERO = "0" * 64
-"""What the first line names in place of the line before it."""
+"""The predecessor's hash in the first line."""
 
 _APART_S = 300.0
-"""Clocks of machines that write into one ledger are not further apart, and smaller steps back go unnoticed."""
+"""Tolerance between the clocks of machines that write to one ledger; smaller steps back go unnoticed."""
 
 _TO_MINUTES = len("2026-11-22T10:00")
 
@@ -66,7 +66,7 @@ class Entry(Part, frozen=True, kw_only=True, tag_field="kind", tag=str.lower):
 
     @classmethod
     def kind(cls) -> str:
-        """Return what the ledger calls entries of this type."""
+        """Return the name of this type of entry in the ledger."""
         return str(cls.__struct_config__.tag)
 
 
@@ -81,7 +81,7 @@ class Opened(Entry, frozen=True, kw_only=True):
 
 
 class Repaired(Entry, frozen=True, kw_only=True):
-    """An incomplete line at the end was cut off: the process that wrote it was ended.
+    """An incomplete line at the end was cut off: its writer had been killed.
 
     Attributes:
         bytes: how many bytes were cut off.
@@ -93,7 +93,7 @@ class Repaired(Entry, frozen=True, kw_only=True):
 
 
 class Head(Entry, frozen=True, kw_only=True):
-    """The end of a run's journal as it was at one moment.
+    """The head of a run's journal at one moment.
 
     Attributes:
         run: the name of the run.
@@ -133,7 +133,7 @@ class Sealed(Entry, frozen=True, kw_only=True):
 
 
 class Acknowledged(Entry, frozen=True, kw_only=True):
-    """A named person checked a bench that a run had left by force, after the run could not record that any more.
+    """A named person checked a latched bench when its run could no longer record that.
 
     Attributes:
         run: the name of the run.
@@ -189,12 +189,12 @@ class Approved(Entry, frozen=True, kw_only=True):
 
 
 class Replayed(Entry, frozen=True, kw_only=True):
-    """The cases of a package were run again on its recorded bytes.
+    """A package was replayed on its recorded bytes.
 
     Attributes:
         run: the name of the run.
         evidence: the evidence digest of the package.
-        analysis: SHA-256 over the analysis and the judging that judged it again.
+        analysis: SHA-256 over the code that analysed and judged the replay.
         same: whether they came to the same verdicts.
         differences: how many differences there were.
     """
@@ -207,7 +207,7 @@ class Replayed(Entry, frozen=True, kw_only=True):
 
 
 class Baseline(Entry, frozen=True, kw_only=True):
-    """What a document of the workspace was from this moment on.
+    """The content of a document of the workspace from this moment on.
 
     Attributes:
         subject: which one: `catalogue`, `units`, `instruments` or `signers`.
@@ -219,10 +219,10 @@ class Baseline(Entry, frozen=True, kw_only=True):
 
 
 class Explained(Entry, frozen=True, kw_only=True):
-    """A named person said why an entry of the catalogue or a register is gone, or was changed.
+    """A named person explained why an entry of the catalogue or a register was removed or changed.
 
     Attributes:
-        entry: what tells the entry from all others.
+        entry: what identifies the entry.
         name: the entry in words.
         by: who says so.
         text: why.
@@ -255,7 +255,7 @@ class Status(Entry, frozen=True, kw_only=True):
         compliance: `yes`, `no` or `partial`.
         reasons: why, each with its code.
         fingerprint: the requirement's fingerprint.
-        evidence: the evidence digests of the packages that it stands on.
+        evidence: the evidence digests of the packages that it is based on.
     """
 
     requirement: str
@@ -269,7 +269,7 @@ class Status(Entry, frozen=True, kw_only=True):
 _Any = Acknowledged | Approved | Baseline | Explained | Head | Opened | Repaired | Replayed | Sealed | Signed | Status
 
 KINDS: Mapping[str, type[Entry]] = {each.kind(): each for each in get_args(_Any)}
-"""The type of every kind of entry, by what the ledger calls it."""
+"""The type of every kind of entry, by its name in the ledger."""
 
 _DECODER = msgspec.json.Decoder(_Any)
 
@@ -283,10 +283,10 @@ def stamped(entry: _Entry, *, seq: int, prev: str, utc: str) -> _Entry:
 
 
 def set_back(entries: Iterable[Entry]) -> dict[int, str]:
-    """Return why the times of entries cannot be believed, a sentence each, by the numbers of the entries.
+    """Return why the times of entries cannot be believed, a sentence each, by entry number.
 
-    An entry that is older than one before it was written by a clock that had been set back, or the one before by a
-    clock that was ahead: nobody can tell. All are told until time has caught up.
+    If an entry is older than one before it, either its clock had been set back, or the other one's was ahead: which
+    is unknown. All entries are reported until time has caught up.
 
     Args:
         entries: of a ledger, in order.
@@ -318,7 +318,7 @@ def encode(entry: Entry) -> bytes:
 
 
 def line_hash(line: bytes) -> str:
-    """Return the SHA-256 of a line, with its newline: what the next line names, and the head of the last."""
+    """Return the SHA-256 of a line, with its newline: the next line names it, and that of the last one is the head."""
     return hashlib.sha256(line).hexdigest()
 
 
@@ -333,22 +333,22 @@ def decode(line: bytes) -> Entry:
     try:
         entry = _DECODER.decode(text)
     except (msgspec.DecodeError, UnicodeDecodeError):
-        entry = _told(text)
+        entry = _strictly_read(text)
     if quick_canonical(entry) != text or hashlib.sha256(_OWN.sub(b"", text, count=1)).hexdigest() != entry.own:
         raise JsonError("the line was changed: its own hash is another one")
     return entry
 
 
 def _seconds(entry: Entry) -> float | None:
-    """Return when an entry was written in s since 1970, None where it does not say so."""
+    """Return when an entry was written in s since 1970, None if it does not say."""
     try:
         return wall.seconds_of(entry.utc)
     except ValueError:
         return None
 
 
-def _told(text: bytes) -> Entry:
-    """Return the entry in a line that a quick look did not find, or say what is wrong with it."""
+def _strictly_read(text: bytes) -> Entry:
+    """Return the entry in a line that the fast path did not accept, or raise what is wrong with it."""
     parsed = parse_strict(text)
     if not isinstance(parsed, dict):
         raise JsonError("expected an object")

@@ -1,4 +1,4 @@
-"""Heads of journals in the ledger: a journal that is shorter than one of them, or another one, was cut or rewritten."""
+"""Journal heads in the ledger: a journal that is shorter, or does not match, was truncated or rewritten."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ _HINT = "keep the folder as it is, and find out who changed it; the run is repea
 
 
 def require_uncut(folder: Path, reading: JournalReading, what: str, ledger: Ledger | None = None) -> None:
-    """Require that a journal holds every event that the ledger of its folder of reports saw of it.
+    """Require that a journal holds every event up to its latest head in the ledger of its folder of reports.
 
     Args:
         folder: the run's folder.
         reading: its journal, whose chain is whole.
-        what: what is to be done with the run, such as `resume`.
+        what: the intended operation on the run, such as `resume`.
         ledger: the ledger, if it was read already.
 
     Raises:
-        Refused: if it is shorter, or has another event in a place.
-        EvidenceError: if the ledger is there and cannot be read.
+        Refused: if it is shorter, or has a different event anywhere.
+        EvidenceError: if the ledger exists and cannot be read.
     """
     heads = (ledger or read(folder.parent)).of(Head, folder.name)
     for seen in sorted(heads, key=lambda each: -each.events):

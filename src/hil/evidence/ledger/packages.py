@@ -1,4 +1,4 @@
-"""Packages and the ledger: what is entered at a seal and after a replay, and what it says of a package later."""
+"""Packages in the ledger: the entries made at a seal and after a replay, and what it later says of a package."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Known:
         entry: the entry of its seal; None if there is none.
         findings: what shows that the package is not the one that was sealed.
         told: the same in a sentence, or where the entry is; empty if there is no ledger.
-        sure: whether nothing speaks against the package; False also where the ledger is damaged and does not have it.
+        sure: whether nothing contradicts the package; also False if the ledger is damaged and does not have it.
     """
 
     entry: Sealed | None = None
@@ -32,7 +32,7 @@ class Known:
 
 
 def enter(reports: Path, sealed: Sealed) -> None:
-    """Enter the seal of a package, unless it stands there already.
+    """Enter the seal of a package, unless it is there already.
 
     Raises:
         EvidenceError: if the ledger cannot be written, or has another evidence digest for this run.
@@ -57,11 +57,11 @@ def enter(reports: Path, sealed: Sealed) -> None:
 
 
 def enter_replay(reports: Path, replayed: Replayed) -> Replayed | None:
-    """Enter how a replay came out, unless that is the last that was entered of this package and this analysis.
+    """Enter the result of a replay, unless it equals the last one entered for this package and this analysis.
 
     Returns:
-        The entry, the earlier one where it stands already; None where the ledger does not have the seal of the package,
-        such as beside a copy: nothing is made or written then.
+        The entry, or the earlier one if it is there already; None if the ledger does not have the seal of the package,
+        such as beside a copy: nothing is created or written then.
 
     Raises:
         EvidenceError: if the ledger is damaged, or cannot be read or written.
@@ -120,7 +120,7 @@ def known(ledger: Ledger, *, run: str, folder: str, evidence: str, before: str =
 
 
 class Seals:
-    """The seals in a ledger by name and by evidence, for those who ask about many packages.
+    """The seals in a ledger by name and by evidence, for looking up many packages.
 
     Args:
         ledger: the ledger of the folder of reports that the packages are in.
@@ -134,7 +134,7 @@ class Seals:
                 self._by.setdefault(name, []).append(each)
 
     def known(self, *, run: str, folder: str, evidence: str, before: str) -> Known:
-        """Return what `known` says of a package; only the entries that concern it are looked at."""
+        """Return what `known` says of a package, from only the entries that concern it."""
         concern = {each.seq: each for name in (run, folder, evidence) for each in self._by.get(name, ())}
         ledger = replace(self._ledger, entries=tuple(concern[seq] for seq in sorted(concern)))
         return known(ledger, run=run, folder=folder, evidence=evidence, before=before)

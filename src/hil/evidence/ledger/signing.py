@@ -1,4 +1,4 @@
-"""Signatures of OpenSSH over a statement: `ssh-keygen -Y` makes and verifies them, with any key that it can use."""
+"""OpenSSH signatures over a statement: made and verified by `ssh-keygen -Y`, with any key that it supports."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _WHY = re.compile(r"(?:.*: )?(namespace does not match|incorrect signature|key h
 
 
 class Statement(Part, frozen=True, kw_only=True):
-    """What is signed, as one line of canonical JSON.
+    """The signed statement, as one line of canonical JSON.
 
     Attributes:
         format: 1.
@@ -75,7 +75,7 @@ def read_statement(data: bytes) -> Statement:
 
 
 def sign(data: bytes, *, key: Path, namespace: str) -> bytes:
-    """Return the signature of `ssh-keygen -Y sign`, which asks for passphrase, PIN or touch itself.
+    """Return the signature by `ssh-keygen -Y sign`, which itself asks for passphrase, PIN or touch.
 
     Args:
         data: what is signed.
@@ -83,7 +83,7 @@ def sign(data: bytes, *, key: Path, namespace: str) -> bytes:
         namespace: what the signature is for.
 
     Raises:
-        Refused: if there is no ssh-keygen, or it signs nothing.
+        Refused: if there is no ssh-keygen, or it does not sign.
     """
     if not key.is_file():
         raise Refused(f"{key}: there is no such key", "name a key file with --key, such as ~/.ssh/id_ed25519")

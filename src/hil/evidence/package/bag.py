@@ -48,7 +48,7 @@ _LINE = re.compile(r"([0-9a-f]{64})  ([^\r\n]+)")
 
 
 def payload_of(files: Iterable[str]) -> tuple[str, ...]:
-    """Return those paths of a folder that are below `data`."""
+    """Return the paths of a folder that are below `data`."""
     return tuple(path for path in files if path.startswith("data/"))
 
 
@@ -64,11 +64,11 @@ def hash_payload(folder: Path) -> dict[str, str]:
 def inventory(folder: Path) -> dict[str, str]:
     """Return path and SHA-256 of every file below `data` that is final before the journal's last event.
 
-    The journal cannot name itself, nor the report, which prints the evidence digest; and it cannot hold a name that is
-    no text: the run wrote no such file, and verification finds it.
+    The journal cannot name itself, nor the report, which prints the evidence digest. Nor can it hold a name that is
+    not valid text: the run wrote no such file, and verification finds it.
 
     Raises:
-        OSError: where a file cannot be read.
+        OSError: if a file cannot be read.
     """
     return {path: digest for path, digest in hash_payload(folder).items() if is_named(path) and _is_text(path)}
 
@@ -91,7 +91,7 @@ def digest_of_manifest(manifest: bytes) -> str:
 
 
 def evidence_digest(folder: Path) -> str:
-    """Return the evidence digest of what is in a run's folder now; reports name this before the seal."""
+    """Return the evidence digest of the present content of a run's folder; reports name it before the seal."""
     return digest_of_manifest(manifest_text(hash_payload(folder)))
 
 
@@ -122,7 +122,7 @@ def payload_oxum(folder: Path, files: Iterable[str]) -> str:
 
 
 def identifier_of(info: str) -> str:
-    """Return the name that a folder had at its seal, from its `bag-info.txt`; empty if that does not tell it."""
+    """Return the name that a folder had at its seal, from its `bag-info.txt`; empty if it is not there."""
     names = [line.removeprefix(_IDENTIFIER) for line in info.splitlines() if line.startswith(_IDENTIFIER)]
     return names[0] if names else ""
 
@@ -134,7 +134,7 @@ def tag_manifest_text(folder: Path) -> bytes:
 
 
 def write_manifests(folder: Path, info: bytes) -> None:
-    """Write everything that makes the folder a bag, but for the seal; the payload is on the disk before."""
+    """Write everything that makes the folder a bag, except the seal; the payload is already on disk."""
     hashes = hash_payload(folder)
     for path in hashes:
         sync_file(folder / path)
@@ -146,14 +146,14 @@ def write_manifests(folder: Path, info: bytes) -> None:
 
 
 def put_seal(folder: Path) -> None:
-    """Seal the bag: the declaration gets its name whole, and last."""
+    """Seal the bag: write the declaration atomically, as the last file."""
     write_whole(folder / SEAL, DECLARATION)
 
 
 def make_read_only(folder: Path) -> None:
-    """Take the right to write from everybody, files first and then their folders; links are left alone.
+    """Remove write permission for everybody, from files first and then from their folders; links are left alone.
 
-    Who could not read it still cannot: a run under a umask such as 077 stays private.
+    Read permission does not change: a run under a umask such as 077 stays private.
     """
     for root, _, names in os.walk(folder, topdown=False):
         for name in names:
@@ -170,7 +170,7 @@ def _protect(path: Path) -> None:
 
 
 def read_manifest(folder: Path, name: str) -> tuple[dict[str, str], list[Finding]]:
-    """Read a manifest strictly: what it names, and everything that is wrong with it."""
+    """Read a manifest strictly; return what it names, and everything that is wrong with it."""
     entries: dict[str, str] = {}
     findings: list[Finding] = []
     try:

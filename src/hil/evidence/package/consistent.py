@@ -1,4 +1,4 @@
-"""Whether everything in a package follows from its journal, its recordings and what was frozen."""
+"""Consistency checks: whether everything in a package follows from its journal, its recordings and its frozen files."""
 
 from __future__ import annotations
 
@@ -43,14 +43,14 @@ from hil.model.identity import Source
 __all__ = ["content_findings", "frozen_findings", "guarded", "named_results"]
 
 _HEAD = ([Run, Frozen], [Run, Recovered])
-"""How a sealed journal begins; a run that was killed before its first case has nothing frozen to name."""
+"""How a sealed journal begins; a run killed before its first case has nothing frozen to name."""
 
 Hashes = Mapping[str, str]
 """Path and SHA-256 of every file below `data`, as they are now."""
 
 
 def content_findings(folder: Path, reading: JournalReading, hashes: Hashes) -> Iterator[Finding]:
-    """Derive again whatever the package claims, and give every difference.
+    """Rederive everything that the package claims, and yield every difference.
 
     Args:
         folder: the run's folder.
@@ -75,7 +75,7 @@ def content_findings(folder: Path, reading: JournalReading, hashes: Hashes) -> I
 
 
 def frozen_findings(folder: Path, reading: JournalReading, hashes: Hashes) -> Iterator[Finding]:
-    """Give what the journal's ends contradict: its shape, and the hashes of files; of files alone, nothing is derived.
+    """Yield what the journal's first and last lines contradict: its shape, and hashes of files; nothing is rederived.
 
     Args:
         folder: the run's folder.
@@ -88,14 +88,14 @@ def frozen_findings(folder: Path, reading: JournalReading, hashes: Hashes) -> It
 
 
 def guarded(look: Callable[[], Iterator[Finding]], path: str = "data") -> Iterator[Finding]:
-    """Turn whatever hostile content makes of a look into a finding, at the path of what is looked at."""
+    """Turn whatever exception hostile content causes in a check into a finding, at the path of what is checked."""
     try:
         yield from look()
     except DamagedFile as error:
         yield error.finding
     except OSError as error:
         yield Finding(path, 0, 0, f"cannot be checked: {error.strerror or error}")
-    except Exception as error:  # noqa: BLE001 - the content decides what goes wrong in reading it
+    except Exception as error:  # noqa: BLE001 - hostile content may raise anything
         what = error.message if isinstance(error, HilError) else f"{type(error).__name__}: {error}"
         yield Finding(path, 0, 0, f"cannot be checked: {what}")
 
@@ -118,7 +118,7 @@ def _journal_findings(sources: Sources, hashes: Hashes) -> Iterator[Finding]:
 
 
 def _info_findings(sources: Sources, _: Hashes) -> Iterator[Finding]:
-    """Compare `bag-info.txt` with what a seal writes, line by line; where it is missing, the tag files tell it."""
+    """Compare `bag-info.txt` with what a seal writes, line by line; the check of tag files reports a missing one."""
     try:
         text = read_plain(sources.folder / INFO).decode("utf-8", errors="replace")
     except FileNotFoundError:
@@ -166,10 +166,10 @@ def _has_end(reading: JournalReading) -> bool:
 
 
 def _hashes_at_end(reading: JournalReading) -> Mapping[str, str]:
-    """Return what the journal's last event says of the files.
+    """Return the hashes of files in the journal's last event.
 
     Raises:
-        EvidenceError: where it says nothing.
+        EvidenceError: if it has none.
     """
     last = reading.lines[-1] if reading.lines else None
     if last is None or not isinstance(last.event, End):
@@ -203,7 +203,7 @@ def _begun_findings(sources: Sources, hashes: Hashes) -> Iterator[Finding]:
 
 
 def _repeated_findings(sources: Sources, _: Hashes) -> Iterator[Finding]:
-    """Compare what stands twice; a run that was killed before anything was frozen has used none of it."""
+    """Compare facts recorded twice; a run killed before anything was frozen has used none of them."""
     run = sources.state.run
     if run is not None and any(isinstance(event, Frozen) for event in sources.reading.events):
         for look, path in LOOKS:
@@ -211,9 +211,9 @@ def _repeated_findings(sources: Sources, _: Hashes) -> Iterator[Finding]:
 
 
 def named_results(reading: JournalReading, hashes: Hashes) -> Iterator[Finding]:
-    """Give a finding where the journal names other results, or another guardian's journal, than those that are there.
+    """Yield a finding if the results, or the guardian's journal, are not those that the journal names.
 
-    Missing results are told elsewhere.
+    Missing results are reported elsewhere.
 
     Args:
         reading: at least the last two lines of the journal.
@@ -227,7 +227,7 @@ def named_results(reading: JournalReading, hashes: Hashes) -> Iterator[Finding]:
 
 
 def _results_findings(sources: Sources, hashes: Hashes) -> Iterator[Finding]:
-    """Compare the results with those that journal and frozen catalogue give, field by field."""
+    """Compare the results with those derived from journal and frozen catalogue, field by field."""
     yield from named_results(sources.reading, hashes)
     if sources.reading.findings or sources.reading.torn or not _has_end(sources.reading):
         yield Finding(RESULTS, 0, 0, "cannot be compared with the journal, which is damaged")
@@ -245,23 +245,23 @@ def _results_findings(sources: Sources, hashes: Hashes) -> Iterator[Finding]:
     except JsonError as error:
         yield Finding(RESULTS, error.line, error.column, error.bare)
         return
-    told = list(_differences(without_sentences(found), without_sentences(parse_strict(due))))
-    if not told and canonical(found) == sealed:
+    sentences = list(_differences(without_sentences(found), without_sentences(parse_strict(due))))
+    if not sentences and canonical(found) == sealed:
         return
-    for sentence in told[:_MOST_FIELDS] or ["not canonical JSON"]:
+    for sentence in sentences[:_MOST_FIELDS] or ["not canonical JSON"]:
         yield Finding(RESULTS, 1, 1, sentence)
-    if more := told[_MOST_FIELDS:]:
+    if more := sentences[_MOST_FIELDS:]:
         yield Finding(RESULTS, 1, 1, f"{len(more)} more fields are not what the journal gives")
 
 
 _MOST_FIELDS = 20
 _WITH_CONDITIONS = 3
-"""The first format of results that lists what was proven; before, not every run on hardware could be told."""
+"""First format of results that lists what was proven; before, not every run on hardware could be recognised."""
 _LONGEST_VALUE = 60
 
 
 def _differences(found: object, due: object, place: str = "") -> Iterator[str]:
-    """Give a sentence for every field of the results that is not what the journal gives."""
+    """Yield a sentence for every field of the results that does not follow from the journal."""
     name = f"field '{shown(place)}'" if place else "it"
     if isinstance(found, dict) and isinstance(due, dict):
         for key in sorted(found.keys() | due.keys()):
@@ -285,7 +285,7 @@ def _in_short(value: object) -> str:
 
 
 def _format(results: bytes) -> int:
-    """Return the format that results are said to be in; the newest for what is none."""
+    """Return the format that results declare; the newest if they declare none."""
     try:
         form = msgspec.json.decode(results, type=_Head).format
     except (msgspec.MsgspecError, UnicodeDecodeError):
@@ -294,13 +294,13 @@ def _format(results: bytes) -> int:
 
 
 class _Head(msgspec.Struct, frozen=True):
-    """What is read of results before anything in them is believed."""
+    """The part of results that is read before anything in them is believed."""
 
     format: int
 
 
 def _source_findings(sources: Sources, _: Hashes) -> Iterator[Finding]:
-    """Compare a run that calls itself hardware with what its journal and its frozen files say; not of older formats."""
+    """Compare a run declared as hardware with its journal and its frozen files; not for older formats."""
     results = read_plain(sources.folder / RESULTS) if (sources.folder / RESULTS).exists() else b""
     state = sources.state
     if state.run is None or state.run.source is not Source.HARDWARE or _format(results) < _WITH_CONDITIONS:
@@ -310,7 +310,7 @@ def _source_findings(sources: Sources, _: Hashes) -> Iterator[Finding]:
 
 
 def _recording_findings(sources: Sources, hashes: Hashes) -> Iterator[Finding]:
-    """Compare rows with the journal's hashes; a file that is not the one the run wrote is not even opened."""
+    """Compare rows with the journal's hashes; a file that the run did not write is not even opened."""
     written = _hashes_at_end(sources.reading) if _has_end(sources.reading) else hashes
     state = sources.state
     for identifier, claim in state.rows.items():
@@ -332,7 +332,7 @@ def _fact_findings(path: Path, begun: Recording, ended: RecordingEnd) -> Iterato
 
 
 def _row_findings(folder: Path, path: str, claim: Mapping[int, str], rows: int) -> Iterator[Finding]:
-    """Compare the rows with every hash that the journal has; one row more is asked for, and must not be there."""
+    """Compare the rows with every hash in the journal; one more row is requested, and must not exist."""
     *found, (there, _) = hashes_of(folder / path, [*claim, max(claim) + 1])
     if there != rows:
         yield Finding(path, 0, 0, f"it has {there} rows, and the journal {rows}")

@@ -1,4 +1,4 @@
-"""A run's folder, read: events, results, catalogue, recordings; for reports, replay and audit."""
+"""Reader of a run's folder: events, results, catalogue, recordings; for reports, replay and audit."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ _Event = TypeVar("_Event", bound=Event)
 
 
 class Package:
-    """What a run's folder holds, sealed or not; it is read when asked for, and believed: `verify` comes first.
+    """The content of a run's folder, sealed or not; read lazily, and believed: call `verify` first.
 
     Args:
         folder: the run's folder.
-        reading: its journal, where that has been read already.
+        reading: its journal, if that has been read already.
     """
 
     def __init__(self, folder: Path, reading: JournalReading | None = None) -> None:
@@ -53,7 +53,7 @@ class Package:
 
     @property
     def evidence_digest(self) -> str:
-        """What the seal says it is; before the seal, the digest of what is in the folder now."""
+        """The sealed evidence digest; before the seal, that of the folder's present content."""
         if self.sealed:
             return digest_of_manifest(self._bytes(MANIFEST))
         return evidence_digest(self.folder)
@@ -76,12 +76,12 @@ class Package:
 
     @cached_property
     def state(self) -> RunState:
-        """What the events that stand tell."""
+        """The state of the run after the events that stand."""
         return fold(self.events)
 
     @property
     def cut_short(self) -> bool:
-        """Whether the run did not come to its own end: it was interrupted, or there are no results of it yet."""
+        """Whether the run did not come to its own end: it was interrupted, or has no results yet."""
         return self.state.interrupted or self.state.results is None
 
     def lines(self) -> tuple[JournalLine, ...]:
@@ -107,7 +107,7 @@ class Package:
             raise EvidenceError(f"{path}: not a results file: {error.message}", "see hil verify") from error
 
     def calibration(self) -> Calibration:
-        """Return the instruments' calibration records as they were frozen, by instrument."""
+        """Return the frozen calibration records, by instrument."""
         return facts_of(self.folder, self._reading).calibration
 
     def recording(self, identifier: str) -> Recorded:
@@ -123,7 +123,7 @@ class Package:
         return read_recording(self.folder / RECORDINGS, begun[identifier], self.state.ended.get(identifier))
 
     def json(self, relative: str) -> Any:  # noqa: ANN401 - JSON holds what it holds
-        """Return what a JSON file of the package says; the path is relative to the folder."""
+        """Return the content of a JSON file of the package; the path is relative to the folder."""
         return read_json(self._inside(relative))
 
     def text(self, relative: str) -> str:
@@ -147,7 +147,7 @@ class Package:
         try:
             path = (self.folder / relative).resolve()
             inside = path.is_relative_to(self.folder.resolve())
-        except (OSError, RuntimeError, ValueError):  # links in a circle, names that no file can have
+        except (OSError, RuntimeError, ValueError):  # loops of links, names that no file can have
             inside = False
         if not inside:
             raise EvidenceError(f"{self.name}: {relative} is outside of the package", "name a file of the package")

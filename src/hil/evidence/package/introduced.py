@@ -1,4 +1,4 @@
-"""Which event of the journal brought every file into a package; what none did is no evidence."""
+"""Origin of a package's files: the event of the journal that introduced each; a file without one is no evidence."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from hil.model.errors import Finding
 __all__ = ["ASIDE", "introduced_findings", "set_aside", "strangers"]
 
 ASIDE = ".aside"
-"""The folder beside the packages for what lay in a run's folder and was no evidence."""
+"""The folder beside the packages for files that were in a run's folder and are no evidence."""
 
 _FROZEN = (
     "data/bench/",
@@ -40,13 +40,13 @@ _FROZEN = (
     "data/place.json",
     "data/software.json",
 )
-"""What is frozen before the first event, and is all that there is of a run that was killed before the second."""
+"""Files frozen before the first event; a run killed before the second event has no others."""
 
 _SHORT = 12
 
 
 def strangers(reading: JournalReading, files: Iterable[str]) -> Iterator[str]:
-    """Give those files below `data` that no event introduced.
+    """Yield the files below `data` that no event introduced.
 
     Args:
         reading: the run's journal.
@@ -55,7 +55,7 @@ def strangers(reading: JournalReading, files: Iterable[str]) -> Iterator[str]:
     here = tuple(files)
     known = set(_introduced(reading)) | {f"{REPORT}/{name}" for name in REPORT_FILES}
     for name in fold(reading.events).recordings:
-        if f"{RECORDINGS}/{name}.h5" not in here:  # its samples were not those that the journal names, and are kept
+        if f"{RECORDINGS}/{name}.h5" not in here:  # kept, because its samples were not those that the journal names
             known.add(f"{RECORDINGS}/{name}.rows")
     frozen = not any(isinstance(event, Frozen) for event in reading.events)
     for path in payload_of(here):
@@ -64,24 +64,24 @@ def strangers(reading: JournalReading, files: Iterable[str]) -> Iterator[str]:
 
 
 def introduced_findings(reading: JournalReading, hashes: Iterable[str]) -> Iterator[Finding]:
-    """Give a finding for every file that was sealed, and that no event introduced; those that came later are told."""
+    """Yield a finding for every sealed file that no event introduced; files added later are reported elsewhere."""
     last = reading.lines[-1] if reading.lines else None
     named = last.wall.get("files") if last and isinstance(last.event, End) else None
     if reading.findings or not isinstance(named, dict):
-        return  # which events there were is not known
+        return  # the events are unknown
     for path in strangers(reading, (path for path in hashes if path in named or not is_named(path))):
         yield Finding(shown(path), 0, 0, "no event of the journal introduced this file")
 
 
 def set_aside(folder: Path, reading: JournalReading) -> list[str]:
-    """Move what no event introduced out of a run's folder before its seal; return a sentence for each file.
+    """Move files that no event introduced out of a run's folder before its seal; return a sentence for each.
 
-    Nothing is lost: it lies in the folder `.aside` beside the run's, below the run's name.
+    Nothing is lost: they go to the folder `.aside` beside the run's, below the run's name.
 
     Raises:
         OSError: if a file cannot be moved.
     """
-    told = []
+    notices = []
     waiting = [path for path in list_folder(folder).files if not path.endswith(PART)]
     for path in strangers(reading, waiting):
         size, digest = (folder / path).stat().st_size, sha256_of(folder / path)
@@ -89,15 +89,15 @@ def set_aside(folder: Path, reading: JournalReading) -> list[str]:
         place.parent.mkdir(parents=True, exist_ok=True)
         (folder / path).rename(place)
         sync_folder(place.parent)
-        told.append(
+        notices.append(
             f"{shown(path)}: no event introduced this file ({size} bytes, SHA-256 {digest[:_SHORT]}...); it is no"
             f" evidence, and was set aside in {shown(place.relative_to(folder.parent).as_posix())}"
         )
-    return told
+    return notices
 
 
 def _free(place: Path) -> Path:
-    """Return a place at which nothing lies: an earlier seal may have set a file of this name aside."""
+    """Return an unused path: an earlier seal may have set a file of this name aside."""
     number = 1
     while (found := place if number == 1 else place.with_name(f"{place.name}.{number}")).exists():
         number += 1
@@ -105,7 +105,7 @@ def _free(place: Path) -> Path:
 
 
 def _introduced(reading: JournalReading) -> Iterator[str]:
-    """Give every path below `data` that an event stands for."""
+    """Yield every path below `data` that an event introduced."""
     yield JOURNAL
     for line in reading.lines:
         event = line.event
@@ -120,7 +120,7 @@ def _introduced(reading: JournalReading) -> Iterator[str]:
 
 
 def _alone(events: Sequence[Event]) -> Iterator[str]:
-    """Give the files that have an event of their own."""
+    """Yield the files that have an event of their own."""
     for event in events:
         match event:
             case Run():

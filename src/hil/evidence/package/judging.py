@@ -1,4 +1,4 @@
-"""Whether a check's verdict follows from its value, its uncertainty and the frozen limit."""
+"""Rejudging: whether a check's verdict follows from its value, its uncertainty and the frozen limit."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ _STATUSES = frozenset(FigureStatus)
 
 
 def judge_again(check: Check, catalogue: Catalogue) -> Iterator[str]:
-    """Give a sentence for everything in a check's event that does not follow from value, uncertainty and catalogue.
+    """Yield a sentence for everything in a check's event that does not follow from value, uncertainty and catalogue.
 
-    A good verdict must follow exactly. One that is not good may also come from what the event does not tell: a device
-    that fell silent, the analysis' own word, a value beyond the last digit written. A requirement that only asks for
-    data is RECORDED where its figures pass.
+    A good verdict must follow exactly. One that is not good may also come from what the event does not record: a device
+    that fell silent, the analysis' own status, a value beyond the last digit written. A requirement that only asks for
+    data is RECORDED if its figures pass.
 
     Args:
         check: the event; value, uncertainty and degrees of freedom combine figure and instruments.
@@ -57,13 +57,13 @@ def judge_again(check: Check, catalogue: Catalogue) -> Iterator[str]:
         ("tur", check.tur, again.tur, 0.0),
     ):
         if field == "tur" and check.value is None:
-            continue  # earlier versions gave one of a value that is not a number
+            continue  # earlier versions wrote one for a value that is not a number
         if not _same(was, right, apart):
             yield f"{name}: field '{field}' is {was}, and its value gives {right}"
 
 
 def _unfit(check: Check, limit: Limit) -> Iterator[str]:
-    """Give a sentence for every field without which nothing can be judged."""
+    """Yield a sentence for every invalid field without which nothing can be judged."""
     if check.uncertainty is not None and not check.uncertainty >= 0:
         yield f"field 'uncertainty' is {check.uncertainty}, and must not be negative"
     if check.dof is not None and not check.dof > 0:
@@ -108,7 +108,7 @@ def _may_be_worse(check: Check, again: Judgement) -> bool:
 
 
 def _tolerance(check: Check, again: Judgement) -> float:
-    """Return how far figures in the limit's unit may differ: they are written with 12 digits."""
+    """Return the tolerance for figures in the limit's unit: they are written with 12 digits."""
     bounds = [float(side) for side in (check.limit.min, check.limit.max) if side is not None]
     value = again.value if isinstance(again.value, float) and math.isfinite(again.value) else 0.0
     return _LAST_DIGITS * max(abs(number) for number in (value, again.expanded or 0.0, *bounds))
@@ -142,7 +142,7 @@ _OF_LIMIT = {
     "unit": "limit_unit",
     "decision": "decision",
 }
-"""What a limit calls that which a check's event names otherwise."""
+"""Names of a limit's fields that differ in a check's event."""
 
 
 def _against_catalogue(name: str, written: Limit, frozen: Limit) -> Iterator[str]:

@@ -1,4 +1,4 @@
-"""What is in a run's folder: regular files, folders, and everything that a package must not have."""
+"""Listing of a run's folder: regular files, folders, and everything that a package must not contain."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Listing:
     Attributes:
         files: regular files.
         empty: folders with no file below them.
-        odd: a finding for everything that is neither file nor folder, or cannot be looked at.
+        odd: a finding for everything that is neither file nor folder, or cannot be examined.
     """
 
     files: tuple[str, ...]
@@ -37,7 +37,7 @@ class Listing:
     odd: tuple[Finding, ...]
 
     def findings(self) -> Iterator[Finding]:
-        """Give a finding for everything that a sealed package must not have."""
+        """Yield a finding for everything that a sealed package must not contain."""
         yield from self.odd
         for path in self.empty:
             yield Finding(shown(path), 0, 0, "empty folder: a package has none")
@@ -49,7 +49,7 @@ class Listing:
 
 
 def list_folder(folder: Path) -> Listing:
-    """Look at everything below a folder; nothing is opened, and no link is followed."""
+    """List everything below a folder; nothing is opened, and no link is followed."""
     files: list[str] = []
     folders: list[str] = []
     odd: list[Finding] = []
@@ -57,7 +57,7 @@ def list_folder(folder: Path) -> Listing:
     while pending:
         here = pending.pop()
         try:
-            found = list(_looked_at(folder, here))
+            found = list(_scanned(folder, here))
         except OSError as error:
             odd.append(Finding(shown(here) or ".", 0, 0, f"this folder cannot be read: {error.strerror}"))
             continue
@@ -78,15 +78,15 @@ def list_folder(folder: Path) -> Listing:
     )
 
 
-def _looked_at(folder: Path, here: str) -> Iterator[tuple[str, int]]:
-    """Give path and kind of everything directly in one folder."""
-    with os.scandir(os.path.join(folder, here)) as found:  # noqa: PTH118 - a path of many parts is long in the making
+def _scanned(folder: Path, here: str) -> Iterator[tuple[str, int]]:
+    """Yield path and kind of everything directly in one folder."""
+    with os.scandir(os.path.join(folder, here)) as found:  # noqa: PTH118 - joining paths with many parts is slow
         for entry in found:
             yield f"{here}/{entry.name}" if here else entry.name, stat.S_IFMT(entry.stat(follow_symlinks=False).st_mode)
 
 
 def shown(path: str) -> str:
-    """Return a text as it can be printed anywhere: what is not a text, or moves a terminal's cursor, is escaped."""
+    """Return a text that can be printed anywhere: invalid text and control characters are escaped."""
     if path.isprintable():
         return path
     return "".join(letter if letter.isprintable() else letter.encode("unicode_escape").decode() for letter in path)

@@ -1,4 +1,4 @@
-"""A quick look at a sealed package: whatever shows damage without reading its recordings."""
+"""Quick look at a sealed package: every check that does not read its recordings."""
 
 from __future__ import annotations
 
@@ -31,18 +31,18 @@ from hil.model.errors import EvidenceError, Finding
 __all__ = ["LOOKED_AT", "Look", "look"]
 
 LOOKED_AT = "seal, list of files, journal, results and frozen files"
-"""What a quick look reads; it believes the manifest of everything else."""
+"""What a quick look reads; for everything else it believes the manifest."""
 
 _BELIEVED = (f"{RECORDINGS}/", f"{ATTACHMENTS}/", f"{REPORT}/", TRANSCRIPT)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Look:
-    """What a quick look shows.
+    """Result of a quick look.
 
     Attributes:
-        state: SEALED where nothing wrong was seen, DAMAGED where something was, UNKNOWN for a format of the future.
-        findings: everything wrong that was seen.
+        state: SEALED if nothing wrong was found, DAMAGED if something was, UNKNOWN for a future format.
+        findings: everything wrong that was found.
         outcome: the sealed results; None unless it is SEALED.
         last: the journal's last line; None unless it is SEALED.
         size: bytes below `data`; 0 unless it is SEALED.
@@ -56,15 +56,15 @@ class Look:
 
 
 def look(folder: Path, ledger: Ledger | None = None) -> Look:
-    """Look at a sealed package: at `LOOKED_AT`, so that the time does not grow with its recordings.
+    """Take a quick look at a sealed package: at `LOOKED_AT`, so that the time does not grow with its recordings.
 
-    Every file is there under its name and none besides, and together they have the recorded size. Seal, tag files,
-    journal, results and frozen files have the hashes of the manifests and of the journal. Recordings, attachments,
-    transcript and report are not read, and nothing is derived: `verify` does both.
+    It checks that every file exists under its name, and no other, and that together they have the recorded size; and
+    that seal, tag files, journal, results and frozen files have the hashes in the manifests and the journal.
+    Recordings, attachments, transcript and report are not read, and nothing is rederived: `verify` does both.
 
     Args:
         folder: the package.
-        ledger: the ledger to compare it with, as `verify` does; without one it is not compared.
+        ledger: the ledger to compare it with, as `verify` does; None to skip that.
     """
     listing = list_folder(folder)
     if listing.odd:
@@ -100,7 +100,7 @@ def look(folder: Path, ledger: Ledger | None = None) -> Look:
 
 
 def _by_ledger(folder: Path, last: JournalLine, ledger: Ledger) -> tuple[Finding, ...]:
-    """Return what the ledger has against a package; its manifest is believed."""
+    """Return what in the ledger contradicts a package, whose manifest is believed."""
     return known(
         ledger,
         run=identifier_of(read_plain(folder / INFO).decode()),

@@ -1,4 +1,4 @@
-"""The end of a run: rows become HDF5, results are derived, and the package is sealed; an interrupted run as it is."""
+"""Sealing: rows become HDF5, results are derived, and the package is sealed; an interrupted run is sealed as it is."""
 
 from __future__ import annotations
 
@@ -58,17 +58,17 @@ ReportWriter = Callable[[Package], None]
 """Writes `data/report/*` into the run's folder; everything else in `data` is final by then."""
 
 SEAL_ERRORS = (OSError, MemoryError, ImportError)
-"""What a machine without space or memory ends a seal with; a library that finds no memory cannot be imported."""
+"""Errors of a seal on a machine without space or memory; a library that finds no memory cannot be imported."""
 
 _MOST_FILES = 64
 _MOST_BYTES = 50_000_000
-"""How many row files, and how large together, may stand beside their HDF5 before the folder is synced for them."""
+"""How many row files, of what total size, may be kept beside their HDF5 before the folder is synced for them."""
 
 
 def seal(folder: Path, journal: Journal, *, exit_code: int, write_reports: ReportWriter) -> str:
-    """Seal a run and return its evidence digest; the journal is ended and closed.
+    """Seal a run and return its evidence digest; the journal gets its end and is closed.
 
-    Each step can be the last one of this process: `recover` then continues from there.
+    The process may be killed after any step: `recover` then continues from there.
 
     Args:
         folder: the run's folder, held by this process.
@@ -77,8 +77,8 @@ def seal(folder: Path, journal: Journal, *, exit_code: int, write_reports: Repor
         write_reports: writes the reports; if it fails, the package is sealed before the error is raised.
 
     Raises:
-        EvidenceError: if the disk is full or fails, or there is not enough memory; the folder stays as it is, and
-            can be recovered.
+        EvidenceError: if the disk is full or fails, or memory runs out; the folder stays as it is, and can be
+            recovered.
     """
     then = "resume it with hil resume, or seal it as it is with hil seal"
     try:
@@ -115,7 +115,7 @@ def _write_results(folder: Path, journal: Journal) -> None:
     for message in poll(folder):
         journal.write(event_of(message), journal.last_t, beside=message.beside)
     reading = read_journal(folder / JOURNAL)
-    journal.sync()  # rows are removed below, and their hashes stand in the ends of the recordings
+    journal.sync()  # rows are removed below, and their hashes are in the ends of the recordings
     wrong = _convert_all(folder, fold(reading.events))
     if wrong := [*wrong, *set_aside(folder, reading)]:
         for text in wrong:
@@ -132,22 +132,22 @@ def _write_results(folder: Path, journal: Journal) -> None:
 
 def write_end(folder: Path, journal: Journal, *, exit_code: int) -> None:
     """Write the journal's last event, which names every file, and close the journal; the results are written."""
-    _remove_halves(folder)
+    _remove_partial_files(folder)
     wall = {"files": inventory(folder), "ledger": _head_before(folder)}
     journal.write(events.End(state="SEALED", exit_code=exit_code), journal.last_t, beside=wall)
     journal.close()
 
 
 def finish(folder: Path, write_reports: ReportWriter) -> str:
-    """Write the reports, remove what a package does not hold, enter the seal in the ledger, and seal.
+    """Write the reports, remove what does not belong in a package, enter the seal in the ledger, and seal.
 
-    The journal has its `end`. An entry without a seal, left by a killed process, is that of the seal that follows.
+    The journal has its `end`. An entry without a seal, left by a killed process, counts for the seal that follows.
     """
     _tidy(folder)
     reading = read_journal(folder / JOURNAL)
     try:
         write_reports(Package(folder, reading))
-    finally:  # the evidence does not wait for a report, which can be written again
+    finally:  # the evidence does not wait for a report, which can be rewritten
         _tidy(folder)
         write_manifests(folder, info_of(folder, folder.name, reading))
         not_entered = _enter(folder, reading, "it is sealed, but not entered in the ledger")
@@ -160,12 +160,12 @@ def finish(folder: Path, write_reports: ReportWriter) -> str:
 
 
 def _enter(folder: Path, reading: JournalReading, otherwise: str) -> EvidenceError | None:
-    """Enter a seal in the ledger of the folder of reports; where that fails, return why: evidence does not wait.
+    """Enter a seal in the ledger of the folder of reports; if that fails, return why: evidence does not wait.
 
     Args:
         folder: the run's folder.
         reading: its journal.
-        otherwise: what is said then, before why.
+        otherwise: the message for that case, to which the reason is added.
     """
     state = fold(reading.events)
     run = state.run
@@ -189,7 +189,7 @@ def _enter(folder: Path, reading: JournalReading, otherwise: str) -> EvidenceErr
 
 
 def _head_before(folder: Path) -> str:
-    """Return the head of the ledger, which the package then names; empty where it cannot be read."""
+    """Return the head of the ledger, which the package then names; empty if it cannot be read."""
     try:
         return head(folder.parent)
     except EvidenceError:
@@ -226,20 +226,20 @@ def event_of(message: Message) -> events.Event:
 
 
 def _convert_all(folder: Path, state: RunState) -> list[str]:
-    """Convert every recording; return what is wrong with some, a sentence each."""
+    """Convert every recording; return what is wrong with any, a sentence each."""
     waiting: list[Path] = []
     wrong = []
     for name, begun in state.recordings.items():
         wrong.append(_convert_one(folder / RECORDINGS, begun, state.ended.get(name), waiting))
         if len(waiting) >= _MOST_FILES or sum(rows.stat().st_size for rows in waiting) >= _MOST_BYTES:
-            _let_go(waiting)
-    _let_go(waiting)
+            _remove_converted(waiting)
+    _remove_converted(waiting)
     sync_folder(folder / RECORDINGS)
     return [text for text in wrong if text]
 
 
-def _let_go(waiting: list[Path]) -> None:
-    """Remove row files whose HDF5 is whole, once the names of these are on the disk too."""
+def _remove_converted(waiting: list[Path]) -> None:
+    """Remove row files whose HDF5 is complete, once the names of these are on disk, too."""
     if waiting:
         sync_folder(waiting[0].parent)
     while waiting:
@@ -247,7 +247,7 @@ def _let_go(waiting: list[Path]) -> None:
 
 
 def _convert_one(place: Path, begun: events.Recording, ended: events.RecordingEnd | None, waiting: list[Path]) -> str:
-    """Convert a recording, add its rows to those that wait for their removal, and say what is wrong with it."""
+    """Convert a recording, add its rows to those awaiting removal, and return what is wrong with it."""
     identifier = begun.recording
     rows, hdf5 = place / f"{identifier}.rows", place / f"{identifier}.h5"
     if ended is None:
@@ -256,10 +256,10 @@ def _convert_one(place: Path, begun: events.Recording, ended: events.RecordingEn
         try:
             try:
                 convert(rows, hdf5, begun=begun, ended=ended)
-            except OSError:  # a full disk may have space once the rows before these are gone
+            except OSError:  # a full disk may have space once earlier rows are gone
                 if not waiting:
                     raise
-                _let_go(waiting)
+                _remove_converted(waiting)
                 convert(rows, hdf5, begun=begun, ended=ended)
         except EvidenceError:
             return f"recording {identifier}: its rows are not those that the journal names; the row file is kept"
@@ -270,37 +270,37 @@ def _convert_one(place: Path, begun: events.Recording, ended: events.RecordingEn
 
 
 def _tidy(folder: Path) -> None:
-    """Remove reserve, checkpoint, inbox, empty folders, and files that a killed process left half written."""
+    """Remove reserve, checkpoint, inbox, empty folders, and partial files of a killed process."""
     free_reserve(folder / RESERVE)
     (folder / CHECKPOINT).unlink(missing_ok=True)
     if (folder / INBOX).exists():
         shutil.rmtree(folder / INBOX)
-    _remove_halves(folder)
+    _remove_partial_files(folder)
     for empty in reversed(list_folder(folder).empty):  # the innermost come last
         (folder / empty).rmdir()
 
 
-def _remove_halves(folder: Path) -> None:
-    """Remove files that a killed process left half written."""
+def _remove_partial_files(folder: Path) -> None:
+    """Remove partial files of a killed process."""
     for place in (folder, *(folder / "data" / name for name in (".", "attachments", "recordings"))):
         for half in place.glob(f"*{PART}"):
             half.unlink()
 
 
 EXIT_CODE = 2
-"""The exit code of a run that was interrupted, as pytest has it."""
+"""The exit code of an interrupted run, as in pytest."""
 
 
 def recover(folder: Path, *, write_reports: ReportWriter) -> str:
     """Seal an interrupted run as it is and return its evidence digest.
 
-    A torn tail of the journal is cut and kept, recordings end incomplete with the rows that are there, and the
-    verdict is not better than ABORTED. A seal that was interrupted is finished; one that is whole is left alone.
+    A torn tail of the journal is cut off and kept, recordings end as incomplete with the rows that exist, and the
+    verdict is no better than ABORTED. An interrupted seal is finished; a complete one is left alone.
 
     Raises:
-        Refused: while the run's process is alive, and where nothing was recorded at all.
-        EvidenceError: if the journal is damaged beyond a torn tail or is of another format, a file cannot be
-            read or written, or there is not enough memory.
+        Refused: while the run's process is alive, and if nothing was recorded at all.
+        EvidenceError: if the journal is damaged beyond a torn tail or has another format, a file cannot be
+            read or written, or memory runs out.
     """
     with hold(folder):
         try:
@@ -317,9 +317,9 @@ def recover(folder: Path, *, write_reports: ReportWriter) -> str:
 
 
 def lost_files(folder: Path, reading: JournalReading, *, read: bool = True) -> Iterator[Finding]:
-    """Give a finding for every file that is named at the end of a journal, and is missing or another one now.
+    """Yield a finding for every file named at the end of a journal that is now missing or different.
 
-    A run whose process ended between that and the seal has lost none; a copy that is not complete has.
+    A run whose process ended between that and the seal has lost none; an incomplete copy has.
 
     Args:
         folder: the run's folder.
@@ -371,7 +371,7 @@ def _seal_as_it_is(folder: Path, write_reports: ReportWriter) -> str:
 
 
 def _require_known(folder: Path, reading: JournalReading) -> None:
-    """Refuse files that came after the last event that could tell of them.
+    """Refuse files that came after the last event that could have recorded them.
 
     Raises:
         EvidenceError: with the first of them.
@@ -385,7 +385,7 @@ def _require_known(folder: Path, reading: JournalReading) -> None:
 
 
 def end_recordings(folder: Path, journal: Journal, recordings: Iterable[events.Recording]) -> None:
-    """End recordings whose process was killed, as incomplete, with the rows that reached the disk."""
+    """End recordings of a killed process as incomplete, with the rows that reached the disk."""
     for begun in recordings:
         identifier = begun.recording
         rows = Rows(

@@ -1,4 +1,4 @@
-"""Facts that stand twice in a package are compared: the files as they were frozen, and what was written of them."""
+"""Cross-checks of facts recorded twice in a package: in the frozen files, and in what was written about them."""
 
 from __future__ import annotations
 
@@ -50,20 +50,20 @@ _SOURCES = "data/sources"
 _PLACE = "data/place.json"
 _BENCH_ITSELF = "data/bench"
 _MADE = frozenset({CALIBRATION, _DUTS})
-"""What stands among the files of the bench, and is none of them."""
+"""Files among those of the bench that are not the bench's."""
 
 _LONGEST = 60
 _KEPT = 64
-"""How many contents of plans' files are remembered."""
+"""Size of the cache of plan files."""
 _OLDEST = frozenset({"rev", "text", "kind", "method", "source", "plan", "parents", "fingerprint", "limits"})
-"""What the catalogue of every package tells of a requirement; other fields came later."""
+"""Fields of a requirement in the catalogue of every package; others came later."""
 
 Look = Callable[[Sources, Run], Iterator[Finding]]
-"""Compares what a run's folder holds with its first event and its journal."""
+"""Compares the content of a run's folder with its first event and its journal."""
 
 
 def _digests(sources: Sources, run: Run) -> Iterator[Finding]:
-    """Compute again the two hashes that the first event has of many files."""
+    """Recompute the two hashes over many files in the first event."""
     frozen = {
         path: digest
         for event in sources.reading.events
@@ -103,7 +103,7 @@ def _digest(files: Mapping[str, str]) -> str:
 
 
 def _dut(sources: Sources, run: Run) -> Iterator[Finding]:
-    """Compare the device under test: as the journal has it, as it was frozen, and as the register has it."""
+    """Compare the device under test in the journal, in its frozen file, and in the register."""
     frozen = _object(sources.folder, _DUT)
     for field, value in _as_json(run.dut).items():
         if frozen.get(field) != value:
@@ -114,10 +114,10 @@ def _dut(sources: Sources, run: Run) -> Iterator[Finding]:
     if (entry := register.get(run.dut.serial)) is None:
         yield Finding(_DUTS, 0, 0, f"it has no entry '{shown(run.dut.serial)}', which the run was for")
         return
-    told = _as_json(asdict(entry))
-    for field in sorted((frozen.keys() & told.keys()) - {"format"}):
-        if frozen[field] != told[field]:
-            yield _differs(_DUT, field, frozen[field], _DUTS, told[field])
+    registered = _as_json(asdict(entry))
+    for field in sorted((frozen.keys() & registered.keys()) - {"format"}):
+        if frozen[field] != registered[field]:
+            yield _differs(_DUT, field, frozen[field], _DUTS, registered[field])
 
 
 def _calibration(sources: Sources, run: Run) -> Iterator[Finding]:
@@ -135,14 +135,14 @@ def _calibration(sources: Sources, run: Run) -> Iterator[Finding]:
     frozen = sources.facts.calibration
     if run.calibration is None:
         return  # the oldest packages have none
-    told = {str(key.text) for key, _ in getattr(node_at(root, ("instruments",)), "entries", ())}
+    listed = {str(key.text) for key, _ in getattr(node_at(root, ("instruments",)), "entries", ())}
     register = load_instruments(sources.folder / _INSTRUMENTS, _INSTRUMENTS, Findings())
-    by_hand = {name for name in frozen.keys() - told if name in register and frozen[name].register == name}
-    for name in sorted((frozen.keys() ^ told) - by_hand):
+    by_hand = {name for name in frozen.keys() - listed if name in register and frozen[name].register == name}
+    for name in sorted((frozen.keys() ^ listed) - by_hand):
         where, other = (CALIBRATION, _BENCH) if name in frozen else (_BENCH, CALIBRATION)
         yield Finding(where, 0, 0, f"instrument '{shown(name)}' is missing in {other}")
-    whole = _object(sources.folder, CALIBRATION).get("format") != 1  # which had nothing but these three
-    for name in sorted(frozen.keys() & told | by_hand):
+    whole = _object(sources.folder, CALIBRATION).get("format") != 1  # which had only these three
+    for name in sorted(frozen.keys() & listed | by_hand):
         at = ("instruments", name)
         registered = name if name in by_hand else _scalar(root, *at, "register")
         dut = _scalar(root, *at, "dut") == "true"
@@ -160,7 +160,7 @@ def _calibration(sources: Sources, run: Run) -> Iterator[Finding]:
 
 
 def _record(root: Node, name: str) -> Calibration | None:
-    """Return the calibration of an instrument that stands in the bench file itself."""
+    """Return the calibration of an instrument in the bench file itself."""
     node = node_at(root, ("instruments", name, "calibration"))
     found = None if node is None else _plain(node)
     return validated(Calibration, found, "calibration") if isinstance(found, dict) else None
@@ -196,13 +196,13 @@ def _catalogue(sources: Sources, run: Run) -> Iterator[Finding]:
 
 @lru_cache(maxsize=_KEPT)
 def _asked(data: bytes, plan: str) -> dict[str, FrozenRequirement] | None:
-    """Return the requirements of a plan's own file as they are frozen; runs of one plan have the same file."""
+    """Return the requirements of a plan's own file in frozen form; runs of one plan have the same file."""
     file = parse_requirements(data, "", plan, Findings())
     return None if file is None else entries_of(file.requirements)
 
 
 def _known_fields(folder: Path) -> frozenset[str]:
-    """Return the fields of requirements that the catalogue of this package tells."""
+    """Return the fields of requirements in this package's catalogue."""
     raw = _object(folder, CATALOGUE).get("requirements")
     return _OLDEST.union(*(each for each in raw.values() if isinstance(each, dict)) if isinstance(raw, dict) else ())
 
@@ -213,18 +213,18 @@ def _lock(folder: Path, plan: str, frozen: Mapping[str, FrozenRequirement]) -> I
         return
     locked = locked_revs(read_plain(folder / path))
     for name, entry in frozen.items():
-        told = locked.get(name, (None, None))
-        if told == (entry.fingerprint, entry.rev):
+        recorded = locked.get(name, (None, None))
+        if recorded == (entry.fingerprint, entry.rev):
             continue
-        for field, was, value in zip(("fingerprint", "rev"), (entry.fingerprint, entry.rev), told, strict=True):
+        for field, was, value in zip(("fingerprint", "rev"), (entry.fingerprint, entry.rev), recorded, strict=True):
             if value != was:
                 yield _differs(CATALOGUE, f"{name}.{field}", was, shown(path), value)
 
 
 def _parameters(sources: Sources, run: Run) -> Iterator[Finding]:
-    """Compare the frozen parameters with the plans' own files and what was changed on the command line."""
+    """Compare the frozen parameters with the plans' own files and the overrides of the command line."""
     if run.overrides is None or run.skips is None:
-        return  # the oldest packages do not tell them
+        return  # the oldest packages do not record them
     frozen = _object(sources.folder, PARAMETERS).get("plans")
     if not isinstance(frozen, dict) or sorted(frozen) != sorted(run.plans):
         yield Finding(PARAMETERS, 0, 0, "its plans are not those of the run")
@@ -257,7 +257,7 @@ def _rows(plan: str, frozen: object, parameters: Parameters) -> Iterator[Finding
 
 
 def _armed(sources: Sources, _: Run) -> Iterator[Finding]:
-    """Give a finding where a case drove the bench before it was armed, at the start or again after a stop."""
+    """Yield a finding if a case drove the bench before it was armed, at the start or after a stop."""
     armed = gated = False
     for line in sources.reading.lines:
         match line.event:
@@ -267,7 +267,7 @@ def _armed(sources: Sources, _: Run) -> Iterator[Finding]:
                 if not gated:
                     yield Finding(JOURNAL, line.number, 1, "the bench was armed without a gate")
                 armed = True
-            case Resumed(entry=Entry()):  # a run that was killed continues where it was
+            case Resumed(entry=Entry()):  # a killed run continues where it was
                 armed = False
             case Effect(effect="drives", name=name) if not armed:
                 yield Finding(JOURNAL, line.number, 1, f"{shown(name)} drives the bench, which is not armed")
@@ -288,7 +288,7 @@ def _short(value: object) -> str:
 
 
 def _as_json(value: object) -> dict[str, Any]:
-    """Return an object as a canonical file would give it back."""
+    """Return an object as it would be read back from a canonical file."""
     found: dict[str, Any] = parse_strict(canonical(msgspec.to_builtins(value)))  # type: ignore[assignment]
     return found
 
@@ -321,7 +321,7 @@ def _plain(node: Node) -> object:
 
 
 def _scalar(root: Node, *keys: str) -> str:
-    """Return the text at a place of a document, empty if there is none."""
+    """Return the text at a place in a document, empty if there is none."""
     node = node_at(root, keys)
     return node.text if isinstance(node, Scalar) else ""
 
@@ -334,4 +334,4 @@ LOOKS: tuple[tuple[Look, str], ...] = (
     (_parameters, PARAMETERS),
     (_armed, JOURNAL),
 )
-"""Each with the path that it is about."""
+"""Every comparison with the path that it is about."""

@@ -1,4 +1,4 @@
-"""Verification: whether a package is what was sealed, and whether every verdict in it follows from its data."""
+"""Verification: whether a package is as it was sealed, and whether every verdict in it follows from its data."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ __all__ = ["NO_SEAL", "State", "Verification", "bag_findings", "hash_file", "in_
 
 
 class State(StrEnum):
-    """The outcome of a run's folder."""
+    """The state of a run's folder."""
 
     RUNNING = "RUNNING"
     INTERRUPTED = "INTERRUPTED"
@@ -49,13 +49,13 @@ class State(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verification:
-    """What verification found.
+    """Result of a verification.
 
     Attributes:
         folder: the run's folder.
-        state: SEALED where nothing is wrong with the seal and what is below it.
+        state: SEALED if nothing is wrong with the seal and what it covers.
         findings: everything that is wrong.
-        evidence_digest: what the package is named by; empty unless it is SEALED: a computed one would name the damage.
+        evidence_digest: the package's digest; empty unless it is SEALED: a computed one would name the damage.
         content_digest: the digest over the journal's bodies; empty unless it is SEALED.
         verdict: the run's verdict; empty unless it is SEALED.
         run: the name that the folder had at its seal; empty unless it is SEALED.
@@ -64,8 +64,8 @@ class Verification:
         deviates: whether the run differs from its plan.
         exceptions: what counts as hardware by the word of the bench file alone, a sentence each.
         ledger: what the ledger of its folder of reports says of it; empty without a ledger, and unless it is SEALED.
-        sure: False where the ledger is damaged, and so does not confirm what the package says of itself.
-        complete: whether the run went to its own end; one that was interrupted never counts as verified.
+        sure: False if the ledger is damaged, and so does not confirm what the package says of itself.
+        complete: whether the run came to its own end; an interrupted one never counts as verified.
     """
 
     folder: Path
@@ -85,36 +85,36 @@ class Verification:
 
     @property
     def problem(self) -> str:
-        """Everything that is wrong in one line, empty where nothing is."""
+        """Everything that is wrong, in one line; empty if nothing is."""
         return in_short(self.findings)
 
     @property
     def ok(self) -> bool:
-        """Whether this is a whole package of a complete run, and the ledger is not damaged where it should have it."""
+        """Whether this is an intact package of a complete run, and the ledger that should have it is not damaged."""
         return self.state is State.SEALED and self.complete and self.sure
 
 
 def in_short(findings: Sequence[Finding]) -> str:
-    """Return the first finding and how many more there are, in one line that can be printed anywhere."""
+    """Return the first finding and the number of others, in one line that can be printed anywhere."""
     others = len(findings) - 1
     more = f" (and {others} more problem{'s' * (others > 1)})" if others > 0 else ""
     return f"{shown(str(findings[0]))}{more}" if findings else ""
 
 
 def verify(folder: Path, ledger: Ledger | None = None) -> Verification:
-    """Verify a run's folder, offline; whatever is in it, nothing but findings comes out.
+    """Verify a run's folder, offline; whatever is in it, the result is findings, not exceptions.
 
-    A package that is whole by its own bytes is compared with the ledger: somebody who rewrites all of it can make it
-    whole again.
+    A package that is consistent in itself is compared with the ledger: whoever rewrites all of it can make it
+    consistent again.
 
     Args:
         folder: the run's folder.
-        ledger: the ledger to compare it with; that of the folder of reports it is in, unless one is given.
+        ledger: the ledger to compare it with; by default that of the folder of reports it is in.
 
     Raises:
-        EvidenceError: if this is no run's folder at all, or the ledger cannot be read.
+        EvidenceError: if this is not a run's folder at all, or the ledger cannot be read.
     """
-    held = is_held(folder)  # asked first: a run that ends in between is then sealed
+    held = is_held(folder)  # checked first: a run that ends in between is then sealed
     if is_sealed(folder):
         found = _verify_sealed(folder)
         return found if found.findings else _compared(found, ledger)
@@ -127,7 +127,7 @@ def _verify_sealed(folder: Path) -> Verification:
     from hil.evidence.package.consistent import content_findings, guarded  # noqa: PLC0415 - heavy, and lists need `State`
 
     listing = list_folder(folder)
-    if listing.odd:  # where a folder may be a link, nothing below it is opened
+    if listing.odd:  # if a folder may be a link, nothing below it is opened
         return Verification(folder=folder, state=State.DAMAGED, findings=tuple(listing.findings()))
     findings = list(listing.findings())
     hashes: dict[str, str] = {}
@@ -146,7 +146,7 @@ def _verify_sealed(folder: Path) -> Verification:
         findings.append(replace(finding, message=finding.message.replace(f"{folder}/", "")))
     if findings:
         return Verification(folder=folder, state=State.DAMAGED, findings=tuple(dict.fromkeys(findings)))
-    told = fold(reading.events)
+    final = fold(reading.events)
     stands = standing(reading.events)
     return Verification(
         folder=folder,
@@ -154,18 +154,18 @@ def _verify_sealed(folder: Path) -> Verification:
         findings=(),
         evidence_digest=digest_of_manifest(manifest_text(hashes)),
         content_digest=reading.content_digest,
-        verdict=str(told.results.verdict) if told.results else "",
+        verdict=str(final.results.verdict) if final.results else "",
         run=identifier_of(read_plain(folder / INFO).decode()),
-        source=told.run.source if told.run else "",
-        operator=told.run.operator if told.run else "",
-        deviates=bool(told.deviations),
-        exceptions=told.exceptions,
-        complete=not (told if len(stands) == len(reading.events) else fold(stands)).interrupted,
+        source=final.run.source if final.run else "",
+        operator=final.run.operator if final.run else "",
+        deviates=bool(final.deviations),
+        exceptions=final.exceptions,
+        complete=not (final if len(stands) == len(reading.events) else fold(stands)).interrupted,
     )
 
 
 def _compared(found: Verification, ledger: Ledger | None) -> Verification:
-    """Return the verification of a package that is whole by its own bytes, with what the ledger says of it."""
+    """Return the verification of a package that is consistent in itself, with what the ledger says of it."""
     before = str(read_ends(found.folder / JOURNAL).lines[-1].wall.get("ledger", ""))
     place = found.folder.resolve()
     ledger = read(place.parent) if ledger is None else ledger
@@ -176,12 +176,12 @@ def _compared(found: Verification, ledger: Ledger | None) -> Verification:
 
 
 def unread_journal(folder: Path, error: EvidenceError) -> Finding:
-    """Return the finding for a journal that cannot be read, without the path of this machine."""
+    """Return the finding for a journal that cannot be read, without a path of this machine."""
     return Finding(JOURNAL, 0, 0, error.message.removeprefix(f"{folder / JOURNAL}: "))
 
 
 def hash_file(folder: Path, path: str, hashes: dict[str, str]) -> Iterator[Finding]:
-    """Add the SHA-256 of a file to what is known, or give a finding where it cannot be read."""
+    """Add the SHA-256 of a file to the known ones, or yield a finding if it cannot be read."""
     try:
         hashes[path] = sha256_of(folder / path)
     except OSError as error:
@@ -231,7 +231,7 @@ _TAG_FILES = frozenset({SEAL, INFO, MANIFEST, TAG_MANIFEST})
 
 
 def bag_findings(folder: Path, listing: Listing, hashes: Mapping[str, str]) -> Iterator[Finding]:
-    """Compare a folder with its manifests and with what a seal writes.
+    """Compare a folder with its manifests and with what sealing writes.
 
     Args:
         folder: the run's folder.

@@ -1,1 +1,1 @@
-"""Recordings: rows while they grow, HDF5 for good."""
+"""Recordings: row files while they grow, HDF5 once they have ended."""

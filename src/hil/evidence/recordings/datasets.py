@@ -1,4 +1,4 @@
-"""Datasets and attributes of HDF5 files by h5py's lower interface, which takes a third of the time."""
+"""Datasets and attributes of HDF5 files through h5py's low-level API, which takes a third of the time."""
 
 from __future__ import annotations
 
@@ -29,23 +29,23 @@ __all__ = [
 ]
 
 Dataset = Any
-"""An open dataset of one dimension; h5py publishes no types."""
+"""An open one-dimensional dataset; h5py publishes no types."""
 
 _CHUNK = 16_384
 _SMALL = 1_024
-"""Up to this many rows a dataset is stored as it is: chunks and compression would make it larger."""
+"""Up to this many rows a dataset is stored contiguously: chunks and compression would make it larger."""
 
 _HEAD_BYTES = 64_000
-"""More than a file has beside its datasets."""
+"""Upper bound of a file's size without its datasets."""
 _COLUMN_BYTES = 8 * _CHUNK + 16_000
-"""More than a dataset has beside its numbers: the rest of its last chunk, its index and its attributes."""
+"""Upper bound of a dataset's overhead: the rest of its last chunk, its index and its attributes."""
 
 
 def have_room(path: Path, rows: int, columns: int) -> None:
-    """Ask the disk for all that the file may take: HDF5 that finds no space while it writes may end the process.
+    """Check that the disk has room for all that the file may take: HDF5 without space may end the process.
 
     Raises:
-        OSError: if there is not as much.
+        OSError: if it has not.
     """
     with path.open("wb") as stream:
         if hasattr(os, "posix_fallocate"):
@@ -54,7 +54,7 @@ def have_room(path: Path, rows: int, columns: int) -> None:
 
 @contextmanager
 def told_by_number() -> Iterator[None]:
-    """Raise what a disk refuses as an OSError; h5py raises it as a RuntimeError where it closes a file."""
+    """Raise errors of the disk as OSError; h5py raises them as RuntimeError when it closes a file."""
     try:
         yield
     except RuntimeError as error:
@@ -73,11 +73,11 @@ def add_dataset(group: Any, name: str, rows: int) -> Dataset:  # noqa: ANN401 - 
 
 
 def open_dataset(group: Any, name: str) -> Dataset:  # noqa: ANN401 - h5py publishes no types
-    """Open a dataset of an open file or group, whose numbers must all be in that file itself.
+    """Open a dataset of an open file or group; all its numbers must be in that file itself.
 
     Raises:
         KeyError: if there is no such dataset.
-        ValueError: if its numbers are elsewhere, or cannot be read without somebody's filter.
+        ValueError: if its numbers are elsewhere, or need a third-party filter.
     """
     from h5py import h5d, h5t  # noqa: PLC0415 - slow to import
 
@@ -96,7 +96,7 @@ def open_dataset(group: Any, name: str) -> Dataset:  # noqa: ANN401 - h5py publi
 
 
 def require_own(group: Any, name: str) -> None:  # noqa: ANN401 - h5py publishes no types
-    """Require that a name of an open file or group leads to an object of this file, and not to a link.
+    """Require that a name in an open file or group is an object of this file, and not a link.
 
     Raises:
         KeyError: if there is no such name.
@@ -167,10 +167,10 @@ def read_part(dataset: Dataset, start: int, stop: int) -> NDArray[np.float64]:
 
 
 def describe(thing: Any, facts: Mapping[str, Any]) -> None:  # noqa: ANN401 - h5py publishes no types
-    """Give an open file or dataset attributes: words, numbers, flags, lists of words; None is left out.
+    """Add attributes to an open file or dataset: words, numbers, flags, lists of words; None is left out.
 
     Args:
-        thing: the lower identifier of h5py.
+        thing: the low-level identifier of h5py.
         facts: the attributes by name.
     """
     import numpy as np  # noqa: PLC0415 - slow to import
@@ -186,10 +186,10 @@ def describe(thing: Any, facts: Mapping[str, Any]) -> None:  # noqa: ANN401 - h5
 
 
 def listed_words(thing: Any, name: str) -> list[str]:  # noqa: ANN401 - h5py publishes no types
-    """Return the words of an attribute that lists some.
+    """Return the words of an attribute that is a list of words.
 
     Args:
-        thing: the lower identifier of h5py.
+        thing: the low-level identifier of h5py.
         name: the attribute's name.
 
     Raises:
@@ -207,7 +207,7 @@ def listed_words(thing: Any, name: str) -> list[str]:  # noqa: ANN401 - h5py pub
 
 @cache
 def _made(chunk: int) -> Any:  # noqa: ANN401 - h5py publishes no types
-    """Return how a dataset is stored: in compressed chunks of so many rows, or as it is where that is 0."""
+    """Return the creation properties of a dataset: compressed chunks of this many rows, contiguous if 0."""
     from h5py import h5p  # noqa: PLC0415 - slow to import
 
     made = h5p.create(h5p.DATASET_CREATE)
@@ -221,7 +221,7 @@ def _made(chunk: int) -> Any:  # noqa: ANN401 - h5py publishes no types
 
 @cache
 def _access() -> Any:  # noqa: ANN401 - h5py publishes no types
-    """Return how a dataset is read and written: two chunks are kept, so that a long one takes no more memory."""
+    """Return the access properties of a dataset: two chunks are cached, so that a long one takes no more memory."""
     from h5py import h5p  # noqa: PLC0415 - slow to import
 
     access = h5p.create(h5p.DATASET_ACCESS)
@@ -246,14 +246,14 @@ def _words() -> Any:  # noqa: ANN401 - h5py publishes no types
 
 @cache
 def _kinds(dtype: Any) -> tuple[Any, Any]:  # noqa: ANN401 - h5py publishes no types
-    """Return the types of an attribute in the file and in memory; looking them up takes longer than writing it."""
+    """Return the types of an attribute in the file and in memory; cached, as the lookup takes longer than the write."""
     from h5py import h5t  # noqa: PLC0415 - slow to import
 
     return h5t.py_create(dtype, logical=True), h5t.py_create(dtype)
 
 
 def _spaces(dataset: Dataset, start: int, rows: int) -> tuple[Any, Any]:
-    """Return what to take in memory and in the file: everything, or a stretch of rows.
+    """Return the selections in memory and in the file: everything, or a range of rows.
 
     Raises:
         ValueError: if the dataset has another shape.

@@ -1,4 +1,4 @@
-"""Recordings: from rows to HDF5, proven equal to the journal's hashes, read back as arrays, and back to rows."""
+"""Recordings in HDF5: converted from rows, checked against the journal's hashes, read as arrays, reverted to rows."""
 
 from __future__ import annotations
 
@@ -56,12 +56,12 @@ class Recorded:
         id: its id in the run.
         name: the name that the case gave it.
         rate: nominal rate in Hz.
-        time: bench time of every row in s, of a capture the time after its trigger, shape (rows,).
-        arrays: per channel its numbers, shape (rows,); NaN where the device marked a sample invalid.
-        units: per channel its unit.
-        instruments: per channel the instrument it came from.
+        time: bench time of every row in s, for a capture the time after its trigger, shape (rows,).
+        arrays: values by channel, shape (rows,); NaN where the device marked a sample invalid.
+        units: unit by channel.
+        instruments: instrument by channel.
         source: hardware, simulated or replayed.
-        complete: whether it lasted as long as it was asked to.
+        complete: whether it lasted as long as planned.
     """
 
     id: str
@@ -90,26 +90,26 @@ class Recorded:
         return len(self.time)
 
     def part(self, first: int, end: int) -> dict[str, NDArray[np.float64]]:
-        """Return `time` and every channel of the rows from `first` to before `end`; they are copies."""
-        if isinstance(self.arrays, _LATER):
+        """Return copies of `time` and every channel for the rows from `first` to before `end`."""
+        if isinstance(self.arrays, _LAZY):
             return self.arrays.part(first, end)
         return {name: each[first:end].copy() for name, each in {"time": self.time, **self.arrays}.items()}
 
 
 def convert(rows: Path, hdf5: Path, *, begun: Recording, ended: RecordingEnd) -> None:
-    """Turn a row file into HDF5, and prove by reading back that nothing was lost.
+    """Convert a row file to HDF5, and prove by reading it back that nothing was lost.
 
-    The HDF5 file is on the disk, but maybe not its name: the rows may be removed once the folder is synced. A row file
-    that is there still because the machine went down is converted again, to the same bytes.
+    The HDF5 file is on disk, but its name may not be: the rows may be removed once the folder is synced. A row file
+    that is still there because the machine went down is converted again, to the same bytes.
 
     Args:
         rows: the row file, which stays.
-        hdf5: the file to write; it is there whole or not at all.
+        hdf5: the file to write, atomically.
         begun: the recording.
         ended: its end.
 
     Raises:
-        EvidenceError: if the rows are not those that the journal names.
+        EvidenceError: if the rows do not match the journal's hashes.
     """
     found = read_rows(rows)
     part = hdf5.with_name(hdf5.name + PART)
@@ -143,7 +143,7 @@ def write_hdf5(found: RowsFile, path: Path, *, begun: Recording, ended: Recordin
 
 
 def read_recording(folder: Path, begun: Recording, ended: RecordingEnd | None) -> Recorded:
-    """Return a recording from HDF5, or from its rows where the run is not sealed yet.
+    """Return a recording from HDF5, or from its rows if the run is not sealed yet.
 
     Args:
         folder: the run's `data/recordings`.
@@ -164,7 +164,7 @@ def read_recording(folder: Path, begun: Recording, ended: RecordingEnd | None) -
         name=begun.name,
         rate=float(begun.rate),
         time=columns["time"],
-        arrays=columns if isinstance(columns, _LATER) else {key: columns[key] for key in columns if key != "time"},
+        arrays=columns if isinstance(columns, _LAZY) else {key: columns[key] for key in columns if key != "time"},
         units={channel.name: channel.unit for channel in begun.channels},
         instruments={channel.name: channel.instrument for channel in begun.channels},
         source=begun.source,
@@ -173,7 +173,7 @@ def read_recording(folder: Path, begun: Recording, ended: RecordingEnd | None) -
 
 
 class _Stored(Mapping[str, "NDArray[np.float64]"]):
-    """The channels of an HDF5 file by name, read when they are asked for. See `Columns`."""
+    """The channels of an HDF5 file by name, read lazily. See `Columns`."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -192,18 +192,18 @@ class _Stored(Mapping[str, "NDArray[np.float64]"]):
         return len(self._names) - 1
 
     def part(self, first: int, end: int) -> dict[str, NDArray[np.float64]]:
-        """Return time and channels of the rows from `first` to before `end`."""
+        """Return time and channels for the rows from `first` to before `end`."""
         with _open(self._path) as sets:
             first, end, _ = slice(first, end).indices(sets["time"].shape[0])
             return {name: read_part(dataset, first, max(first, end)) for name, dataset in sets.items()}
 
 
-_LATER = (Columns, _Stored)
-"""What reads a channel when it is asked for."""
+_LAZY = (Columns, _Stored)
+"""The types that read channels lazily."""
 
 
 def _columns(found: RowsFile) -> Mapping[str, NDArray[np.float64]]:
-    """Return `time` and every channel of a row file; those of a large one are read when they are asked for."""
+    """Return `time` and every channel of a row file; those of a large one are read lazily."""
     columns = Columns(found)
     return columns if found.rows > BLOCK else columns.part(0, found.rows)
 
@@ -229,10 +229,10 @@ def read_column(path: Path, name: str) -> NDArray[np.float64]:
 
 
 def read_blocks(path: Path, most: int = BLOCK) -> Iterator[list[NDArray[np.float64]]]:
-    """Give the rows of a recording's HDF5 file in blocks of at most `most`, so that memory does not grow with it.
+    """Yield the rows of a recording's HDF5 file in blocks of at most `most`, so that memory does not grow with it.
 
     Returns:
-        Per block the time and then every channel, each of shape (n,).
+        For each block the time and then every channel, each of shape (n,).
 
     Raises:
         EvidenceError: if the file cannot be read.
@@ -244,10 +244,10 @@ def read_blocks(path: Path, most: int = BLOCK) -> Iterator[list[NDArray[np.float
 
 
 def hashes_of(path: Path, at: Sequence[int]) -> list[tuple[int, str]]:
-    """Compute the row hash of an HDF5 file after each of these numbers of rows.
+    """Compute the row hash of an HDF5 file at each of these row counts.
 
     Returns:
-        Per number of `at`, ascending, the rows that are there up to it and the hash over their bytes.
+        For each count in `at`, ascending, the number of rows up to it that exist, and the hash over their bytes.
 
     Raises:
         EvidenceError: if the file cannot be read.
@@ -257,7 +257,7 @@ def hashes_of(path: Path, at: Sequence[int]) -> list[tuple[int, str]]:
 
 
 def differing_facts(path: Path, *, begun: Recording, ended: RecordingEnd) -> Iterator[str]:
-    """Give a sentence for every attribute of an HDF5 file that is not what the journal says of the recording.
+    """Yield a sentence for every attribute of an HDF5 file that does not match the recording's events.
 
     Raises:
         EvidenceError: if the file cannot be read.
@@ -281,7 +281,7 @@ def differing_facts(path: Path, *, begun: Recording, ended: RecordingEnd) -> Ite
 
 
 def _plain(value: object) -> object:
-    """Return a value as it is shown: the words of an enumeration as texts."""
+    """Return a value for display: the words of an enumeration as texts."""
     return str(value) if isinstance(value, str) else value
 
 
@@ -346,12 +346,12 @@ def _facts_of_channel(channel: Channel) -> dict[str, Any]:
 
 
 def _as_json(value: object) -> object:
-    """Return a value as JSON has it, where a whole number is an integer; so the attributes of all packages are."""
+    """Return a value as JSON has it, with whole numbers as integers, as in the attributes of all packages."""
     return int(value) if type(value) is float and value.is_integer() else value
 
 
 def revert(folder: Path, begun: Iterable[Recording]) -> None:
-    """Turn every HDF5 file into the row file that it was made from; a row file that is there still is the original.
+    """Turn every HDF5 file back into the row file that it was made from; an existing row file is the original.
 
     Args:
         folder: the run's `data/recordings`.

@@ -1,4 +1,4 @@
-"""Row files as they are found: header, whole rows, a torn last one, and columns that are read when asked for."""
+"""Reader of row files: header, complete rows, a torn last one, and lazily read columns."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ if TYPE_CHECKING:
 __all__ = ["BLOCK", "NUMBER", "PIECE", "Columns", "RowsFile", "header_line", "read_rows", "row_blocks", "table"]
 
 BLOCK = 65_536
-"""After how many rows the running hash goes into the journal."""
+"""Number of rows after which the running hash goes into the journal."""
 
 PIECE = 16_384
-"""How many rows are read or written at a time, so that a long recording takes no more memory than a short one."""
+"""Number of rows read or written at a time, so that a long recording takes no more memory than a short one."""
 
 NUMBER = 8
 """Bytes of one number."""
@@ -29,7 +29,7 @@ NUMBER = 8
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RowsFile:
-    """A row file as it was found: its header, where its rows begin, and how many are whole."""
+    """A row file on disk: its header, where its rows begin, and how many are complete."""
 
     path: Path
     header: dict[str, Any]
@@ -55,7 +55,7 @@ def header_line(recording: str, channels: Sequence[tuple[str, str]]) -> bytes:
 
 
 def read_rows(path: Path) -> RowsFile:
-    """Read a row file's header and count its whole rows; a torn last row is left out.
+    """Read a row file's header and count its complete rows; a torn last row is left out.
 
     Raises:
         EvidenceError: if there is no such file, or its header cannot be read.
@@ -74,7 +74,7 @@ def read_rows(path: Path) -> RowsFile:
 
 
 def row_blocks(found: RowsFile, most: int = BLOCK) -> Iterator[bytes]:
-    """Give the bytes of the whole rows, in blocks of `most` rows."""
+    """Yield the bytes of the complete rows, in blocks of `most` rows."""
     left = found.rows * found.width * NUMBER
     with found.path.open("rb") as stream:
         stream.seek(found.start)
@@ -94,7 +94,7 @@ def table(block: bytes, width: int) -> NDArray[np.float64]:
 
 
 class Columns(Mapping[str, "NDArray[np.float64]"]):
-    """The channels of a row file by name, each of shape (rows,); nothing of them is kept.
+    """The channels of a row file by name, each of shape (rows,), read at each access.
 
     Args:
         found: the row file; it has to stay where it is.
@@ -122,7 +122,7 @@ class Columns(Mapping[str, "NDArray[np.float64]"]):
         return len(self._places) - 1
 
     def part(self, first: int, end: int) -> dict[str, NDArray[np.float64]]:
-        """Return time and channels of the rows from `first` to before `end`.
+        """Return time and channels for the rows from `first` to before `end`.
 
         Raises:
             EvidenceError: if the file cannot be read.

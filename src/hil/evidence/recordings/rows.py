@@ -1,4 +1,4 @@
-"""Row files: samples as they come, packed, hashed, and never a second away from the disk."""
+"""Writer of row files: samples as they come, packed, hashed, and on disk within a second."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class DiskFull(EvidenceError):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RowsEnd:
-    """What a finished row file holds; the largest gap is 0 with fewer than two rows."""
+    """Summary of a finished row file; the largest gap is 0 with fewer than two rows."""
 
     rows: int
     sha256: str
@@ -45,20 +45,20 @@ class Rows:
     """One recording's row file while it grows: a header line, then little-endian float64 rows of time and channels.
 
     Args:
-        path: the file; one that exists is continued after its last whole row.
+        path: the file; an existing one is continued after its last complete row.
         recording: the recording's id.
         channels: name and unit of every channel.
         on_block: called with the number of rows so far and the hash over all their bytes, every `BLOCK` rows and at
-            the end; those rows are on the disk by then.
+            the end; those rows are on disk by then.
         reserve: a file whose space is released when the disk is full.
-        again: whether the rows of a file that exists are made again: the first ones have to be those that it holds,
-            and are not written a second time.
-        now: seconds on a wall clock that only goes forward.
-        write: `os.write`, or what stands in for a disk in tests.
+        again: whether the rows of an existing file are repeated: the first ones must equal those in the file, and
+            are not written a second time.
+        now: seconds on a monotonic clock.
+        write: `os.write`, or a substitute for a disk in tests.
 
     Attributes:
-        at_divergence: hears of rows that are others than the file holds, before that is raised.
-        at_full: hears that rows found no space, and wait; it may raise what ends their recording.
+        at_divergence: called when rows differ from those in the file, before that is raised.
+        at_full: called when rows found no space, and wait; it may raise what ends their recording.
     """
 
     def __init__(
@@ -83,7 +83,7 @@ class Rows:
         self._width = len(channels) + 1
         self._pack = struct.Struct(f"<{self._width}d").pack
         self._hash = hashlib.sha256()
-        self._rows = self._told = 0
+        self._rows = self._reported = 0
         self._gap = 0.0
         self._first_time: float | None = None
         self._last_time: float | None = None
@@ -106,7 +106,7 @@ class Rows:
             self._flush_or_wait()
 
     def append_rows(self, rows: NDArray[np.float64]) -> None:
-        """Take a block of rows, shape (n, 1 + channels); what is on the disk is the same as row by row."""
+        """Take a block of rows, shape (n, 1 + channels); the file is the same as row by row."""
         if rows.ndim != 2 or rows.shape[1] != self._width:
             raise ValueError(f"a block of shape {rows.shape} has no rows of {self._width} numbers")
         done = 0
@@ -127,18 +127,18 @@ class Rows:
 
     @property
     def held(self) -> int:
-        """How many rows the file holds, those included that have not come again yet."""
+        """How many rows the file holds, including those that have not been repeated yet."""
         return read_rows(self._path).rows
 
     @property
     def comes_again(self) -> bool:
-        """Whether the file holds rows that have not come again yet; it may take a tick until that is noticed."""
+        """Whether the file holds rows that have not been repeated yet; the last one may be noticed a tick late."""
         return self._past is not None
 
     def skip(self, rows: int) -> None:
-        """Take over what the file holds up to that number of rows, without its coming again."""
+        """Accept the file's rows up to this number without their repetition."""
         self._flush()
-        if self._past is None:  # all came again, and maybe more: a kill loses rows that were on their way to the disk
+        if self._past is None:  # all were repeated, and maybe more: a kill loses rows that were on their way to disk
             return
         left = (rows - self._rows) * self._width * NUMBER
         past = self._past
@@ -146,11 +146,11 @@ class Rows:
             left -= len(block)
             self._rows += len(block) // (self._width * NUMBER)
             self._take(block)
-        self._told = self._rows - self._rows % BLOCK
+        self._reported = self._rows - self._rows % BLOCK
         self._due = self._next_due()
 
     def tick(self) -> None:
-        """Bring rows to the disk that wait for long; called at every scheduling point, twice a second or more often."""
+        """Sync rows that have waited long enough; called at every scheduling point, at least twice a second."""
         now = self._now()
         if self._past is not None:
             self._flush()
@@ -161,10 +161,10 @@ class Rows:
             self._sync(now)
 
     def finish(self) -> RowsEnd:
-        """Bring everything to the disk, tell the last hash, close the file, and say what it holds."""
+        """Sync everything, report the last hash, close the file, and return its summary."""
         self._flush()
         self._sync(self._now())
-        if self._told != self._rows or not self._rows:
+        if self._reported != self._rows or not self._rows:
             self._on_block(self._rows, self._hash.hexdigest())
         os.close(self._descriptor)
         more = self._past.read(1) if self._past is not None else b""
@@ -190,7 +190,7 @@ class Rows:
             sync_folder(self._path.parent)
 
     def _is_torn(self, header: bytes) -> bool:
-        """Return whether there is nothing but half a header, which is then cut off."""
+        """Return whether there is only an incomplete header, which is then cut off."""
         with self._path.open("rb") as stream:
             begun = stream.read(len(header))
         if len(begun) == len(header) or not header.startswith(begun):
@@ -199,7 +199,7 @@ class Rows:
         return True
 
     def _cut(self, header: bytes) -> RowsFile:
-        """Cut half a row off the file that is there."""
+        """Cut an incomplete row off an existing file."""
         found = read_rows(self._path)
         if canonical(found.header) + b"\n" != header:
             raise EvidenceError(f"{self._path}: the recording on the disk has other channels", "start a new run")
@@ -210,7 +210,7 @@ class Rows:
         for block in row_blocks(found):
             self._take(block)
         self._rows = found.rows
-        self._told = found.rows - found.rows % BLOCK
+        self._reported = found.rows - found.rows % BLOCK
 
     def _next_due(self) -> int:
         return min(self._rows + _FLUSH_ROWS, (self._rows // BLOCK + 1) * BLOCK)
@@ -232,13 +232,13 @@ class Rows:
             self._buffer.clear()
             self._unsynced = True
         self._due = self._next_due()
-        if self._rows and self._rows % BLOCK == 0 and self._told != self._rows:
+        if self._rows and self._rows % BLOCK == 0 and self._reported != self._rows:
             self._sync(self._now())
-            self._told = self._rows
+            self._reported = self._rows
             self._on_block(self._rows, self._hash.hexdigest())
 
     def _follow(self, past: BufferedReader) -> None:
-        """Take rows that the file holds already from the buffer, and require that they are the same."""
+        """Remove rows that the file already holds from the buffer, and require that they are the same."""
         held = past.read(len(self._buffer))
         if held != self._buffer[: len(held)]:
             self._end_of_past()

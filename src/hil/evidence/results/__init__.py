@@ -1,1 +1,1 @@
-"""Results: derived from events and what was frozen, with reasons why a run cannot close a requirement."""
+"""Results: derived from events and frozen files, with the reasons why a run cannot close a requirement."""

@@ -1,4 +1,4 @@
-"""Results: what the journal's events and the frozen catalogue say, derived and never typed."""
+"""Derivation of the results from the journal's events and the frozen files; nothing is entered by hand."""
 
 from __future__ import annotations
 
@@ -39,10 +39,10 @@ BY_CASES = frozenset({"test", "inspection"})
 
 
 _REASONS_ONLY = 2
-"""The last format that lists reasons against closing a requirement and no conditions."""
+"""Last format that lists reasons against closing a requirement instead of conditions."""
 
 _WITHOUT_GIVEN_UP = 2
-"""The last format whose results do not know the attempts that were given up at an interruption."""
+"""Last format whose results do not include the attempts given up at an interruption."""
 
 _NOTHING = FrozenRequirement()
 _NO_RECORD = FrozenCalibration()
@@ -50,7 +50,7 @@ _NO_RECORD = FrozenCalibration()
 
 @dataclass(frozen=True, kw_only=True)
 class Sources:
-    """What everything in a package is derived from; what follows from it is computed when it is first asked for.
+    """The sources of everything derived in a package; derived values are computed on first use.
 
     Attributes:
         folder: the run's folder.
@@ -62,7 +62,7 @@ class Sources:
 
     @cached_property
     def state(self) -> RunState:
-        """What all events tell, those after the results included."""
+        """The state after all events, including those after the results."""
         return fold(self.reading.events)
 
     @cached_property
@@ -80,10 +80,10 @@ class Sources:
 
 
 def results_of(folder: Path, reading: JournalReading, form: int = FORMAT) -> Outcome:
-    """Derive the results of a run's folder from its journal and what was frozen in it, in a format.
+    """Derive the results of a run's folder from its journal and its frozen files, in a format.
 
     Raises:
-        EvidenceError: if what was frozen cannot be read.
+        EvidenceError: if a frozen file cannot be read.
     """
     return Sources(folder=folder, reading=reading).results(form)
 
@@ -166,13 +166,13 @@ def _used(case: CaseState, state: RunState, form: int) -> Mapping[str, str]:
 
 
 def _reasons(case: CaseState) -> tuple[str, ...]:
-    """Return why a case ended so, with the attempts that count; its own last event names them, too, if it ended."""
+    """Return why a case ended as it did, with the attempts that count; if it ended, its last event names them, too."""
     counted = () if case.planned.repeatable else tuple(each.counts for each in case.given_up)
     return tuple(dict.fromkeys((*counted, *case.reasons)))
 
 
 def _attempts(case: CaseState) -> tuple[AttemptOutcome, ...]:
-    """Return every attempt; those that were given up came before the last one, which took their place."""
+    """Return every attempt; those given up come before the last one, which replaced them."""
     ended = [
         AttemptOutcome(
             attempt=each.begun.attempt,
@@ -201,7 +201,7 @@ def _holds(case: CaseState) -> tuple[HoldOutcome, ...]:
 
 
 def _within(identifier: str, case: CaseState, checks: Sequence[Check], facts: Facts, form: int) -> Verdict:
-    """Return what one case says of one requirement: the worst of its checks, of the case's word, and of its end."""
+    """Return one case's verdict on one requirement: the worst of its checks, of the case's own word, and of its end."""
     own = case.own_verdict
     entry = facts.catalogue.get(identifier, _NOTHING)
     limits = entry.limits
@@ -255,7 +255,7 @@ def _requirement(
 
 
 def _due(facts: Facts) -> set[str]:
-    """Return the requirements that a test has to verify, whether or not a planned case does."""
+    """Return the requirements that cases have to verify, whether or not a planned case does."""
     return {
         identifier
         for identifier, entry in facts.catalogue.items()
@@ -276,13 +276,13 @@ def _verdict_of_run(cases: Iterable[CaseOutcome], state: RunState) -> Verdict:
 def reasons_against(
     identifier: str, verdict: Verdict, cases: Sequence[CaseOutcome], state: RunState, facts: Facts
 ) -> list[str]:
-    """Return every reason that formats 1 and 2 know why a run cannot close the requirement; none means that it can.
+    """Return every reason, as of formats 1 and 2, why a run cannot close the requirement; none means that it can.
 
     Args:
         identifier: the requirement.
         verdict: its verdict in this run.
         cases: the cases that carry it.
-        state: what the events before the results tell.
+        state: the state after the events before the results.
         facts: frozen catalogue, calibration, and the run's last day.
     """
     used = {name: source for case in cases for name, source in case.used.items()}

@@ -1,6 +1,6 @@
-"""What a run must prove before it can close a requirement: every condition is proven, or says why it is not.
+"""Eligibility: the conditions a run must prove before it can close a requirement, each proven or with why it is not.
 
-Nothing is taken for granted. What the package does not show is not proven, and whatever is not proven is a reason.
+Nothing is taken for granted. What the package does not show is not proven, and every unproven condition is a reason.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _NO_RECORD = FrozenCalibration()
 _NOTHING = FrozenRequirement()
 _ENVELOPE = "envelope "
 MODELS = {Purpose.QUALIFICATION: Model.QM, Purpose.ACCEPTANCE: Model.FM}
-"""Which model of a device a purpose, and the stage of that name, asks for."""
+"""The model of a device that a purpose, and the stage of that name, require."""
 _BY_DOCUMENTS = frozenset({"analysis", "review"})
 _MOST, _SHORT = 3, 12
 _OF_BENCH = frozenset({"source", "instruments", "port"})
@@ -45,7 +45,7 @@ _FROM_INSTRUMENTS = condition("values", True, "every value came from instruments
 
 
 def reasons_in(conditions: Iterable[Condition]) -> tuple[str, ...]:
-    """Return why nothing can be closed, a sentence per condition that is not proven; none means that all are."""
+    """Return why nothing can be closed, a sentence per unproven condition; empty if all are proven."""
     return tuple(each.text for each in conditions if not each.proven)
 
 
@@ -53,7 +53,7 @@ def of_run(state: RunState, facts: Facts) -> tuple[Condition, ...]:
     """Return the conditions that a run meets or fails for all of its requirements.
 
     Args:
-        state: what the events before the results tell.
+        state: the state after the events before the results.
         facts: what was frozen.
     """
     return (
@@ -70,10 +70,10 @@ def of_run(state: RunState, facts: Facts) -> tuple[Condition, ...]:
 
 
 class Eligibility:
-    """What is proven of the requirements of one run; what several of them share is looked at once.
+    """Evaluates the conditions of one run's requirements; those that several share are evaluated once.
 
     Args:
-        state: what the events before the results tell.
+        state: the state after the events before the results.
         facts: what was frozen.
     """
 
@@ -116,7 +116,7 @@ class Eligibility:
         )
 
     def reasons_in(self, conditions: Iterable[Condition]) -> tuple[str, ...]:
-        """Return why a requirement with these conditions cannot be closed: those of the run come first."""
+        """Return why a requirement with these conditions cannot be closed, the run's reasons first."""
         return (*self._reasons, *reasons_in(conditions))
 
     def _carried_by(self, cases: Sequence[CaseOutcome]) -> _Carried:
@@ -128,12 +128,12 @@ class Eligibility:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Carried:
-    """What is the same of all requirements that the same cases carry.
+    """What all requirements carried by the same cases have in common.
 
     Attributes:
         coverage: whether there are such cases.
-        answers: what persons answered in them.
-        seen_by: who was asked for as a witness of their answers, and who it was.
+        answers: people's answers in them.
+        seen_by: the witnesses that their questions asked for, and who they were.
         instruments: the instruments behind their recordings, and those with a certificate that they used.
         of_used: the conditions of the instruments that they used.
     """
@@ -149,7 +149,7 @@ def _carried(cases: Sequence[CaseOutcome], state: RunState, facts: Facts) -> _Ca
     used = {name: source for case in cases for name, source in case.used.items()}
     certified = {name for name in used if facts.calibration.get(name, _NO_RECORD).due}
     return _Carried(
-        coverage=condition("coverage", bool(cases), _told(len(cases)), "no planned case carries it"),
+        coverage=condition("coverage", bool(cases), _coverage(len(cases)), "no planned case carries it"),
         answers=tuple(answer for case in cases for answer in state.cases[case.case].answers),
         seen_by=tuple(pair for case in cases for pair in state.cases[case.case].seen_by),
         instruments=frozenset(_recorded_by(cases, state) | certified),
@@ -158,9 +158,9 @@ def _carried(cases: Sequence[CaseOutcome], state: RunState, facts: Facts) -> _Ca
 
 
 def of_simulation(name: str, text: str, *, unit: bool) -> bool:
-    """Return whether a condition that is not proven cannot be met because the bench is simulated.
+    """Return whether an unproven condition cannot be met because the bench is simulated.
 
-    A simulated device under test has no model that counts, and no run for qualification or acceptance takes it.
+    A simulated device under test has no model that counts, and no run for qualification or acceptance accepts it.
 
     Args:
         name: the name of the condition.
@@ -172,7 +172,7 @@ def of_simulation(name: str, text: str, *, unit: bool) -> bool:
 
 
 def sources_of(used: Mapping[str, str], state: RunState) -> Mapping[str, str]:
-    """Return what instruments count as: one that says that it is simulated is, and so is what shares its port."""
+    """Return the source that instruments count as: one that reports as simulated is, and so is any on the same port."""
     gates = [*state.gates, *state.host_gates]
     simulated = {gate.instrument for gate in gates if gate.instrument and gate.source is Source.SIMULATED}
     ports = {gate.instrument: gate.detail for gate in state.host_gates if gate.instrument}
@@ -185,7 +185,7 @@ def sources_of(used: Mapping[str, str], state: RunState) -> Mapping[str, str]:
 
 
 def against_hardware(state: RunState, facts: Facts) -> Iterator[str]:
-    """Give what in a package contradicts that its run was on hardware, a sentence each."""
+    """Yield what in a package contradicts a run on hardware, a sentence each."""
     live = state.run.live if state.run else None
     if live is None:
         yield "its bench was in the process of the run"
@@ -197,7 +197,7 @@ def against_hardware(state: RunState, facts: Facts) -> Iterator[str]:
         yield "the register says that its device under test is simulated"
 
 
-def _told(cases: int) -> str:
+def _coverage(cases: int) -> str:
     return "one planned case carries it" if cases == 1 else f"{cases} planned cases carry it"
 
 
@@ -217,7 +217,7 @@ def _source(state: RunState, facts: Facts) -> Iterator[Condition]:
 
 
 def _recorded_elsewhere(state: RunState) -> Iterator[Condition]:
-    """What was put in as a package proves nothing of the bench, and closes nothing."""
+    """Imported packages prove nothing about the bench, and close nothing."""
     if state.run and state.run.recorded_elsewhere:
         told = f"it was recorded elsewhere, without a bench file: {state.run.recorded_elsewhere}"
         yield condition("bench", False, told)
@@ -233,7 +233,7 @@ def _purpose(state: RunState) -> Iterator[Condition]:
 
 
 def _executed(state: RunState, facts: Facts) -> Iterator[Condition]:
-    """What ran on hardware was compared with what was installed, also what was imported late."""
+    """The code executed on hardware was compared with what was installed, including late imports."""
     if facts.software.format < TELLS_OF_EXECUTED or state.run is None or state.run.source is not Source.HARDWARE:
         return
     last = next((each for each in state.executed if each.last), None)
@@ -283,7 +283,7 @@ def _gates(state: RunState) -> Iterator[Condition]:
 
 
 def _method(entry: FrozenRequirement, answers: Sequence[Answer]) -> Iterator[Condition]:
-    """A test closes by what was measured, anything else by what persons said, and by the documents that they gave."""
+    """A test closes by measurements, other methods by people's answers and the documents that they gave."""
     method = entry.method
     if method in _BY_DOCUMENTS:
         given = [f"{each.file.given} ({each.file.sha256[:_SHORT]}...) by {each.by}" for each in answers if each.file]
@@ -300,7 +300,7 @@ def _method(entry: FrozenRequirement, answers: Sequence[Answer]) -> Iterator[Con
 
 
 def _witness(entry: FrozenRequirement, seen_by: Sequence[tuple[str, str]]) -> Iterator[Condition]:
-    """Who witnessed the answer to another question, in another role, was not asked to witness this requirement."""
+    """A witness asked for in another role, or for another question, does not count for this requirement."""
     if not (entry.witness or entry.independent):
         return
     who = entry.witness or "somebody else than who did it"
@@ -327,7 +327,7 @@ def _some(names: Sequence[str]) -> str:
 
 
 def _stage(stage: str, state: RunState) -> Iterator[Condition]:
-    """A requirement of a stage is closed by a run for that purpose, on the model of that stage."""
+    """A requirement of a stage is closed by a run of that purpose, on the model of that stage."""
     if state.run is None:
         return
     purpose, model = state.run.purpose, state.run.dut.model
@@ -353,7 +353,7 @@ def _instruments(used: Mapping[str, str]) -> Iterator[Condition]:
 
 
 def _identities(used: Mapping[str, str], state: RunState) -> Iterator[Condition]:
-    """Every instrument that was used has said who it is, and hardware is known to be where the bench file says."""
+    """Every instrument used has identified itself, and hardware is proven to be where the bench file says."""
     for name, source in sorted(used.items()):
         seen = [gate for gate in state.gates if gate.instrument == name]
         yield _identity(name, seen)

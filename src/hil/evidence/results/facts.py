@@ -1,4 +1,4 @@
-"""What was frozen before the first step, and what verdicts are judged by: catalogue, calibration, date."""
+"""Frozen facts by which verdicts are judged: catalogue, calibration, date."""
 
 import hashlib
 from collections.abc import Iterable, Iterator, Mapping
@@ -54,7 +54,7 @@ class FrozenLimit(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def limit(self) -> Limit:
-        """The limit that values are judged by."""
+        """The limit by which values are judged."""
         return Limit(**msgspec.structs.asdict(self))
 
 
@@ -80,7 +80,7 @@ class FrozenRequirement(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class FrozenRange(msgspec.Struct, frozen=True, kw_only=True):
-    """One line of a certificate as it was frozen; its fields are those of `CalibratedRange`, with their full digits."""
+    """One line of a certificate as it was frozen; its fields are those of `CalibratedRange`, with all digits."""
 
     quantity: str
     unit: str
@@ -92,21 +92,21 @@ class FrozenRange(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class FrozenCalibration(msgspec.Struct, frozen=True, kw_only=True):
-    """The calibration record of one instrument as it was frozen; what is empty is not known.
+    """The calibration record of one instrument as it was frozen; empty fields are unknown.
 
     Attributes:
         certificate: its certificate's file, empty without one: below the bench's folder, or with `register` below the
             registers of the package.
-        due: the last day on which it counts, ISO 8601.
+        due: the last day on which it is valid, ISO 8601.
         dut: whether the instrument is a device under test.
         sha256: SHA-256 of the certificate's file as it was frozen; None before format 2.
-        size: its bytes; None before format 2.
+        size: its size in bytes; None before format 2.
         ranges: the uncertainty by quantity and range; None before format 2.
         register: the instrument's name in the register of instruments.
         serial: its serial number there.
         number: the certificate's number.
         laboratory: who calibrated.
-        date: the day of calibration, ISO 8601; from this day on it counts.
+        date: the day of calibration, ISO 8601; it is valid from this day on.
         as_left: how the laboratory returned the instrument.
     """
 
@@ -124,9 +124,9 @@ class FrozenCalibration(msgspec.Struct, frozen=True, kw_only=True):
     as_left: str = ""
 
     def problems(self, first: str, last: str) -> Iterator[str]:
-        """Yield why a certificate does not cover measurements from one day to another, words after a name each.
+        """Yield why a certificate does not cover measurements from one day to another, each to follow a name.
 
-        It counts from its date to its due date, both included. A record before format 2 has a due date only.
+        It is valid from its date to its due date, both included. A record before format 2 has a due date only.
 
         Args:
             first: the first day of use, ISO 8601, or a moment in it.
@@ -164,13 +164,13 @@ class DamagedFile(EvidenceError):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Facts:
-    """What results are derived from, in addition to the events.
+    """The facts from which results are derived, in addition to the events.
 
     Attributes:
         catalogue: the frozen requirements.
         calibration: the frozen calibration records.
-        date: the day on which calibrations must still count, ISO 8601; the run's last one.
-        begun: the day on which they must already count, the run's first one; empty if it is not known.
+        date: the day on which calibrations must still be valid, ISO 8601; the run's last one.
+        begun: the day on which they must already be valid, the run's first one; empty if it is not known.
         software: product, workspace and interpreter.
         dut_simulated: whether the device under test exists in simulated benches only.
         clock: why the times of the run cannot be believed, a sentence each.
@@ -186,7 +186,7 @@ class Facts:
 
 
 def entries_of(requirements: Iterable[Requirement]) -> dict[str, FrozenRequirement]:
-    """Return requirements as `freeze_catalogue` takes them."""
+    """Return requirements in the form that `freeze_catalogue` takes."""
     return {item.id: _entry(item) for item in requirements}
 
 
@@ -195,19 +195,19 @@ def freeze_catalogue(folder: Path, requirements: Catalogue) -> str:
 
     Args:
         folder: the run's folder.
-        requirements: what `entries_of` gives.
+        requirements: as returned by `entries_of`.
     """
     return _freeze(folder / CATALOGUE, {"format": 1, "requirements": requirements})
 
 
 def frozen_calibration(folder: Path, record: Calibrated | None, *, dut: bool, register: str) -> FrozenCalibration:
-    """Return the record of an instrument, with what the frozen file of its certificate is.
+    """Return the record of an instrument, with hash and size of its frozen certificate.
 
     Args:
         folder: the run's folder.
-        record: what the bench file, or the register of instruments, says; None where it is not calibrated.
+        record: the record in the bench file, or in the register of instruments; None if it is not calibrated.
         dut: whether the instrument is a device under test.
-        register: the instrument's name in the register, empty where the bench file has the record.
+        register: the instrument's name in the register, empty if the bench file has the record.
 
     Raises:
         OSError: if the certificate cannot be read.
@@ -254,9 +254,9 @@ def freeze_calibration(folder: Path, instruments: Calibration) -> str:
 
 
 def facts_of(folder: Path, reading: JournalReading) -> Facts:
-    """Return what the results of this run are derived by.
+    """Return the facts by which the results of this run are derived.
 
-    A run that ended before something was frozen has nothing there, and nothing in it can close a requirement.
+    Of a run that ended before something was frozen, that is missing, and it can close no requirement.
 
     Raises:
         DamagedFile: if a frozen file cannot be read.
@@ -275,7 +275,7 @@ def facts_of(folder: Path, reading: JournalReading) -> Facts:
 
 
 def read_json(path: Path) -> Any:  # noqa: ANN401 - JSON holds what it holds
-    """Return what a JSON file of the package says.
+    """Return the content of a JSON file of the package.
 
     Raises:
         EvidenceError: if it is missing or is not strict JSON.
@@ -331,7 +331,7 @@ def _objects(value: object, key: str) -> dict[str, dict[str, Any]]:
 
 _Entry = TypeVar("_Entry", bound=msgspec.Struct)
 _KEPT = 4
-"""How many contents of frozen files are remembered: catalogue and calibration of two packages."""
+"""Size of the cache of frozen files: catalogue and calibration of two packages."""
 
 
 class _FrozenDut(msgspec.Struct, frozen=True, kw_only=True):
@@ -339,7 +339,7 @@ class _FrozenDut(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def _whole(folder: Path, file: str, kind: type[_Entry]) -> _Entry:
-    """Return a frozen file as a type that takes what it needs of it; all defaults where there is none."""
+    """Return a frozen file as a type that takes what it needs of it; all defaults if there is none."""
     path = folder / file
     if not path.exists():
         return kind()
@@ -365,5 +365,5 @@ def _frozen(folder: Path, file: str, key: str, kind: type[_Entry]) -> Mapping[st
 
 @lru_cache(maxsize=_KEPT)
 def _entries(data: bytes, key: str, kind: type[_Entry]) -> Mapping[str, _Entry]:
-    """Return the entries of a frozen file; a verification asks for those of one package several times."""
+    """Return the entries of a frozen file; cached, as a verification needs those of one package several times."""
     return {name: convert(fields, kind, f"{key}.{name}") for name, fields in _objects(parse_strict(data), key).items()}

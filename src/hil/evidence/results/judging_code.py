@@ -1,4 +1,4 @@
-"""What judges: which code gave a figure and its verdict, by its bytes."""
+"""Identity, by its bytes, of the code that computes figures and their verdicts."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ JUDGING = (
     "requirements/units.py",
     "requirements/units.txt",
 )
-"""The code between readings and verdicts, below the product's folder: analyses, figures and where they come from,
+"""The code between readings and verdicts, below the product's folder: analyses, figures and their provenance,
 the uncertainty of certificates, checks, the decision rule, and units. A test follows its imports."""
 
 
-@cache  # a process judges by one version
+@cache  # a process has one version of the code
 def judging_digest() -> str:
     """Return the SHA-256 over the product's code between readings and verdicts: names and bytes of its files."""
     root = Path(__file__).parents[2]

@@ -1,4 +1,4 @@
-"""The results of a run as a type, the rule for a verdict, and the strict codec of `data/results.json`."""
+"""Results of a run as types, the rule for a verdict, and the strict codec of `data/results.json`."""
 
 from collections.abc import Iterable, Mapping, Sequence
 
@@ -35,17 +35,17 @@ __all__ = [
 ]
 
 FORMAT = 3
-"""What is written.
+"""The format that is written.
 
-Format 1 did not tell when the bench was held in the course of a case. Formats 1 and 2 list reasons against closing a
-requirement; format 3 lists what has to be proven, and whether it is.
+Format 1 did not record when the bench was held during a case. Formats 1 and 2 list reasons against closing a
+requirement; format 3 lists the conditions to be proven, and whether they are.
 """
 
 ANSWERS = "answers"
-"""A requirement with a limit on this parameter speaks of whether its device answers at all."""
+"""A requirement with a limit on this parameter is about whether its device answers at all."""
 
 CHANNELS = "channels"
-"""The parameter of the check that every recording gets for which a requirement asks."""
+"""The parameter of the check on every recording that a requirement asks for."""
 
 _OVERRIDING = frozenset({Verdict.ERROR, Verdict.ABORTED, Verdict.NOT_RUN})
 _CONDITION = frozenset({"name", "proven", "text"})
@@ -61,7 +61,7 @@ class AttemptOutcome(Part, frozen=True, kw_only=True):
         attempt: which attempt it is; from format 3 on in the order in which they began, from 1.
         verdict: its verdict, None if it did not end.
         reasons: why, a sentence each.
-        read: of an attempt that was interrupted, and repeated, what it had read; not before format 3.
+        read: what an attempt had read that was interrupted and repeated; not before format 3.
     """
 
     attempt: int
@@ -80,7 +80,7 @@ class StepOutcome(Part, frozen=True, kw_only=True):
 
 
 class HoldOutcome(Part, frozen=True, kw_only=True):
-    """When the bench was held in the course of a case, for how long in s, by whom and why."""
+    """A hold of the bench during a case: when, for how long in s, by whom and why."""
 
     t: float
     duration: float | None
@@ -125,30 +125,30 @@ class CaseOutcome(Part, frozen=True, kw_only=True):
 
 
 class CaseVerdict(Part, frozen=True, kw_only=True):
-    """What one case says of a requirement."""
+    """The verdict of one case on a requirement."""
 
     case: str
     verdict: Verdict
 
 
 EXCEPTION = "exception"
-"""The name of conditions that tell what is hardware by the word of the bench file alone."""
+"""The name of conditions about what is hardware by the word of the bench file alone."""
 
 
 OTHERS = "others"
-"""The name of conditions about drivers, roles and the like that are of other packages than hil."""
+"""The name of conditions about drivers, roles and the like from packages other than hil."""
 
 
 NO_OTHERS = "every driver and role is of hil itself"
-"""What the condition says where there is none."""
+"""The text of the condition if there are none."""
 
 
 EXECUTED = "executed"
-"""The name of conditions about code that ran, whoever imported it."""
+"""The name of conditions about executed code, whoever imported it."""
 
 
 AS_INSTALLED = "the code that ran is as it was installed"
-"""How the condition begins where nothing speaks against it."""
+"""How the condition's text begins if it is proven."""
 
 
 class Condition(Part, frozen=True, kw_only=True):
@@ -170,17 +170,17 @@ class RequirementOutcome(Part, frozen=True, kw_only=True):
 
     Attributes:
         id: the requirement.
-        rev: its revision; this and what follows is None if the frozen catalogue does not hold it.
-        text: what it asks for.
+        rev: its revision; this and the following are None if it is not in the frozen catalogue.
+        text: its text.
         kind: its kind.
         method: its verification method.
         source: where it comes from.
         verdict: the worst of all planned cases that carry it.
-        cases: what each of them says.
+        cases: the verdict of each of them.
         checks: how many checks it got.
         eligible: whether this run can close it.
         reasons: why not, a sentence each; those that concern the whole run come first from format 3 on.
-        conditions: what must be proven for this requirement in particular; None in formats 1 and 2.
+        conditions: the conditions of this requirement in particular; None in formats 1 and 2.
     """
 
     id: str
@@ -202,7 +202,7 @@ class Outcome(Part, frozen=True, kw_only=True):
 
     Attributes:
         format: the number of the format.
-        run: what the run was asked for, with the deviations of its resumptions; None if it never began.
+        run: the request for the run, with the deviations of its resumptions; None if it never began.
         interrupted: whether it did not come to its own end.
         tripped: whether the envelope was left.
         safe: whether every way to the safe state proved every output safe, None if there was none.
@@ -211,7 +211,7 @@ class Outcome(Part, frozen=True, kw_only=True):
         requirements: the requirements, by id.
         counts: how many cases have which verdict.
         verdict: the run's verdict.
-        conditions: what must be proven of the run as a whole; None in formats 1 and 2.
+        conditions: the conditions of the run as a whole; None in formats 1 and 2.
     """
 
     format: int
@@ -235,7 +235,7 @@ def write_outcome(outcome: Outcome) -> bytes:
 
 
 def is_outcome(data: bytes, outcome: Outcome) -> bool:
-    """Return whether `write_outcome` gives these bytes; they are compared piece by piece, and not written again."""
+    """Return whether these bytes are what `write_outcome` returns; compared piece by piece, without writing it all."""
     try:
         parts = msgspec.json.decode(data, type=dict[str, msgspec.Raw])
         cases, requirements = (msgspec.json.decode(parts[name], type=list[msgspec.Raw]) for name in _LISTS)
@@ -251,7 +251,7 @@ def is_outcome(data: bytes, outcome: Outcome) -> bool:
 
 
 def _are(texts: Sequence[msgspec.Raw], values: Sequence[msgspec.Struct], *, plain_numbers: bool = False) -> bool:
-    """Return whether texts are those of values; block by block, as a text of its own for each takes its time."""
+    """Return whether texts are those of values, compared in blocks because one text per value would be slow."""
     blocks = [slice(first, first + _BLOCK) for first in range(0, len(values), _BLOCK)]
     return len(texts) == len(values) and all(
         is_text_of(_list_text(texts[block]), values[block], plain_numbers=plain_numbers) for block in blocks
@@ -259,7 +259,7 @@ def _are(texts: Sequence[msgspec.Raw], values: Sequence[msgspec.Struct], *, plai
 
 
 def _has_short_rev(requirement: RequirementOutcome) -> bool:
-    return abs(requirement.rev or 0) < _SHORT  # the only other number counts checks
+    return abs(requirement.rev or 0) < _SHORT  # the only other number is the count of checks
 
 
 def _object_text(members: Mapping[str, bytes | msgspec.Raw]) -> bytes:
@@ -293,11 +293,10 @@ def read_outcome(data: bytes) -> Outcome:
 
 
 def without_sentences(value: object) -> object:
-    """Return results without the sentences that this version of hil words: other versions word them otherwise.
+    """Return results without sentences, which other versions of hil word differently.
 
-    What is compared of a condition is its name and whether it is proven, and of reasons how many there are. Of a case
-    with an attempt that was given up, the sentences about that attempt are left out; the events that it is told from
-    stand in the journal.
+    Of a condition, name and proof are compared, of reasons only their number. For a case with an attempt that was
+    given up, the sentences about that attempt are left out; the events behind them are in the journal.
     """
     if isinstance(value, list):
         return [without_sentences(each) for each in value]
@@ -318,17 +317,17 @@ def without_sentences(value: object) -> object:
 def rule(
     checks: Iterable[Verdict], *, missing: bool, silent: Verdict | None, taken_out: bool, ended: Verdict | None = None
 ) -> Verdict:
-    """Return the verdict on a requirement within a case: the worst of what it found and of how it ended.
+    """Return the verdict on a requirement within a case: the worst of its checks and of how the case ended.
 
-    A case is judged by it while it runs, and again when its results are derived.
+    It judges a case while it runs, and again when its results are derived.
 
     Args:
         checks: the verdicts of its checks.
         missing: whether a check that the catalogue asks for is missing.
-        silent: the verdict that silence of the device under test gives, which explains what is missing; None if it
+        silent: the verdict due to silence of the device under test, which explains what is missing; None if it
             answered.
-        taken_out: whether the case took itself out; it is NOT_RUN then, and what it found before stands.
-        ended: how the case ended; ERROR, ABORTED and NOT_RUN hold for every requirement of it.
+        taken_out: whether the case skipped itself; it is NOT_RUN then, and its checks until then stand.
+        ended: how the case ended; ERROR, ABORTED and NOT_RUN hold for all its requirements.
     """
     found = list(checks)
     if silent is not None:
@@ -343,12 +342,12 @@ def rule(
 
 
 def silence(parameters: Iterable[str], *, dut: bool, undecided: bool) -> Verdict | None:
-    """Return the verdict that silence gives a requirement, by the parameters of its limits; None without any.
+    """Return the verdict on a requirement due to silence, by the parameters of its limits; None if there was none.
 
     Args:
         parameters: of its limits.
         dut: whether the device under test fell silent.
-        undecided: whether what should have happened did not, and nobody can tell if bench or DUT is to blame.
+        undecided: whether something expected did not happen, and it is unknown if bench or DUT is to blame.
     """
     if dut and ANSWERS in parameters:
         return Verdict.FAIL

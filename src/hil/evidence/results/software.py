@@ -1,4 +1,4 @@
-"""The software of a run as it was frozen, and what of it is proven: product, workspace, and code of others."""
+"""Frozen software of a run, and what is proven about it: product, workspace, and third-party code."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
@@ -18,11 +18,11 @@ __all__ = [
 ]
 
 TELLS_OF_EXECUTED = 3
-"""The first format of `software.json` in whose packages a run on hardware compares what it executed."""
+"""First format of `software.json` in whose packages a run on hardware compares what it executed."""
 _TELLS_OF_ENVIRONMENT = 4
-"""The first format of `software.json` that tells which variables change what code is executed."""
+"""First format of `software.json` that records which variables change what code is executed."""
 _TELLS_OF_OTHERS = 2
-"""The first format of `software.json` that tells of code of others."""
+"""First format of `software.json` that records third-party code."""
 _ORIGINS = {
     "archive": "an archive",
     "folder": "a folder in version control",
@@ -33,7 +33,7 @@ _MOST = 3
 
 
 class Commit(msgspec.Struct, frozen=True, kw_only=True):
-    """Where some software was in version control; the id is empty if it was not."""
+    """The commit of some software; the id is empty if it was not in version control."""
 
     id: str = ""
     changed: bool = False
@@ -46,16 +46,16 @@ class Versioned(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class OtherPackage(msgspec.Struct, frozen=True, kw_only=True):
-    """A package of somebody else that offered something the run used, as it was frozen.
+    """A third-party package that offered something the run used, as it was frozen.
 
     Attributes:
         name: its name.
         version: its version.
-        offers: what the run used of it, such as `driver ina226`.
+        offers: what the run used from it, such as `driver ina226`.
         origin: where it was installed from: `index`, `archive`, `version control` or `folder`.
         commit: that holds its files, for one from version control or from a folder.
-        recorded: whether it has a RECORD, which names its files as they were installed.
-        differing: the files that are not as the RECORD says.
+        recorded: whether it has a RECORD of its files as installed.
+        differing: the files that differ from the RECORD.
     """
 
     name: str
@@ -68,13 +68,13 @@ class OtherPackage(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class AtStart(msgspec.Struct, frozen=True, kw_only=True):
-    """Code that Python executed when it started.
+    """Code that Python executed at its start.
 
     Attributes:
         file: its file.
-        package: the package that it is of, empty for none.
-        whole: whether it is as that package's RECORD says.
-        needed: whether hil needs that package; packages of before format 4 do not tell.
+        package: the package that it belongs to, empty if none.
+        whole: whether it is as in that package's RECORD.
+        needed: whether hil needs that package; not recorded before format 4.
     """
 
     file: str
@@ -84,17 +84,17 @@ class AtStart(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class FrozenSoftware(msgspec.Struct, frozen=True, kw_only=True):
-    """What of `data/software.json` verdicts depend on.
+    """The part of `data/software.json` that verdicts depend on.
 
     Attributes:
         hil: the product.
         workspace: the workspace.
         flags: of the interpreter; None in packages that do not record them.
-        format: from 2 on it tells of code of others.
-        others: packages of others that offered something the run used.
-        start: what Python executed when it started.
-        strays: loaded modules that are of no package.
-        changing: variables, and the file of the loader, that change which code is executed.
+        format: from 2 on it records third-party code.
+        others: third-party packages that offered something the run used.
+        start: what Python executed at its start.
+        strays: loaded modules that belong to no package.
+        changing: variables, and the loader's file, that change which code is executed.
     """
 
     format: int = 1
@@ -108,7 +108,7 @@ class FrozenSoftware(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def of_software(software: FrozenSoftware) -> Iterator[Condition]:
-    """Give what is proven of product, workspace, interpreter, and of code of others."""
+    """Yield what is proven about product, workspace, interpreter, and third-party code."""
     optimize = None if software.flags is None else software.flags.get("optimize")
     yield condition(
         "interpreter",
@@ -131,7 +131,7 @@ def _without(name: str) -> str:
 
 
 def _others(software: FrozenSoftware) -> Iterator[Condition]:
-    """Drivers and the like of others count if what was installed is known, and nobody changed it since."""
+    """Third-party drivers and the like count if what was installed is known, and has not been changed since."""
     foreign = [each for each in software.start if each.package and not each.needed]
     if not software.others and not foreign:
         yield condition(OTHERS, True, NO_OTHERS)
@@ -147,7 +147,7 @@ def _others(software: FrozenSoftware) -> Iterator[Condition]:
 
 
 def _unknown(package: OtherPackage) -> str:
-    """Return why nobody can know what code of a package ran, empty if it is known."""
+    """Return why it cannot be known what code of a package ran, empty if it is known."""
     if package.origin == "folder" and not package.commit.id:
         return "was installed from a folder that is not in version control"
     if package.origin == "folder" and package.commit.changed:
@@ -189,12 +189,12 @@ def _version(name: str, commit: Commit) -> Condition:
 
 
 def condition(name: str, proven: bool, proof: str, reason: str = "") -> Condition:
-    """Return a condition with what proves it, or where it is not proven and there is one, the reason."""
+    """Return a condition with its proof, or with the reason, if any, when it is not proven."""
     return Condition(name=name, proven=proven, text=proof if proven or not reason else reason)
 
 
 def each_of(name: str, reasons: Iterable[str], proof: str) -> Iterator[Condition]:
-    """Give a condition per reason, or the one that is proven where there is none."""
+    """Yield a condition per reason, or a proven one if there is none."""
     told = tuple(reasons)
     yield from (condition(name, False, reason) for reason in told)
     if not told:
