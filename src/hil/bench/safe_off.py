@@ -90,13 +90,13 @@ def left_on(
     """
     wrong: list[str] = []
 
-    def told(result: SafeResult) -> None:
+    def take(result: SafeResult) -> None:
         if not result.ok and not (forgive_late and result.late):
             wrong.append(f"{result.output} is not {result.state}: {result.detail}")
         tell(result)
 
     with bench.brake.released():
-        make_safe(steps, bench.roles, bench.clock, told, hear, speed=bench.speed)
+        make_safe(steps, bench.roles, bench.clock, take, hear, speed=bench.speed)
     return wrong
 
 

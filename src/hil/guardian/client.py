@@ -156,7 +156,7 @@ class Guardian:
     def disarm(self) -> tuple[DrillResult, ...]:
         """Have the guardian prove every output; it stops watching only if all are proven.
 
-        Nothing else may use the ports meanwhile. If an output is not proven it goes on watching, and beats are due.
+        Nothing else may use the ports meanwhile. If an output is not proven it keeps watching, and beats are due.
 
         Raises:
             GuardianLost: if it is gone or does not answer.

@@ -81,7 +81,7 @@ def _guarded(spec: BenchSpec, wire: Wire, lowest: float) -> bool:
 
 
 def _keys(limit: EnvelopeLimit) -> Iterator[str]:
-    """Yield the keys that a quantity needs and lacks, or has and does not take."""
+    """Check the keys of a limit: those that its quantity needs, and none that it does not take."""
     given = limit.derivation
     needed = _NEEDED.get(limit.quantity, ())
     allowed = (*needed, *_ALLOWED.get(limit.quantity, _OF_WHAT_IS_READ))
