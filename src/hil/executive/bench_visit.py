@@ -38,20 +38,20 @@ __all__ = ["Checked", "check_bench", "safe_bench", "serve_bench"]
 
 _VISITS = ".visits"
 _PAUSES_S = (0.2, 0.7, 1.3)
-"""Before lines are taken again beside somebody else who asks; they differ, so that the two do not keep meeting."""
+"""Pauses before lines are retried while another process polls the instruments; unequal, so as not to stay in step."""
 
-Told = Callable[[Gate], None]
+GateSink = Callable[[Gate], None]
 """Takes a gate as soon as it is known."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Checked:
-    """The outcome of a check.
+    """Result of a bench check.
 
     Attributes:
         ready: whether every gate holds.
         safe: whether every output was proven safe in the end, if any was driven.
-        stopped: who or what asked to stop, empty if nobody did.
+        stopped: who or what requested a stop, empty if nobody did.
     """
 
     ready: bool
@@ -60,23 +60,23 @@ class Checked:
 
 
 def check_bench(
-    start: Path, name: str, source: Source, *, energise: bool, served: Path | None = None, tell: Told
+    start: Path, name: str, source: Source, *, energise: bool, served: Path | None = None, tell: GateSink
 ) -> Checked:
-    """Go through the readiness gates of a bench; without `energise`, or if one does not hold, nothing is driven.
+    """Check the readiness gates of a bench; without `energise`, or if one does not hold, nothing is driven.
 
-    Where a port is not there, or is another board's, nothing but that is told. A latch is a gate that does not hold.
-    With `energise` the bench is guarded, and left, as by a run: see `ArmedBench`.
+    If a port is missing, or belongs to another board, only that is reported. A latch is a gate that does not hold.
+    With `energise` the bench is guarded, and left, as in a run: see `ArmedBench`.
 
     Args:
-        start: the folder where the workspace is searched for.
-        name: the bench's.
+        start: the folder from which the workspace is searched for.
+        name: the bench's name.
         source: hardware or simulated.
         energise: whether outputs are tried at their reduced level.
         served: the folder in which another process serves the bench.
         tell: called with every gate.
 
     Raises:
-        Refused: for an unknown bench, one that a run holds, or one to be driven that is latched.
+        Refused: for an unknown bench, one held by a run, or a latched one that is to be driven.
         ConfigurationError: with everything that is wrong with the bench file.
     """
     with ExitStack() as stack:
@@ -94,7 +94,7 @@ def check_bench(
         return _checked(chain(look, _latch_gates(visit.bench.spec, source, served)), tell)
 
 
-def _checked(gates: Iterable[Gate], tell: Told) -> Checked:
+def _checked(gates: Iterable[Gate], tell: GateSink) -> Checked:
     ready = True
     for gate in gates:
         tell(gate)
@@ -102,14 +102,14 @@ def _checked(gates: Iterable[Gate], tell: Told) -> Checked:
     return Checked(ready=ready)
 
 
-def _energised(visit: _Visit, flags: StopFlags, alarm: Alarm, tell: Told) -> Checked:
-    """Arm the bench, and leave it; whatever happens meanwhile, it is made safe, proven to be, and watched."""
+def _energised(visit: _Visit, flags: StopFlags, alarm: Alarm, tell: GateSink) -> Checked:
+    """Arm the bench, and leave it; whatever happens in between, it is made safe, proven safe, and watched."""
     bench = visit.bench
     with visit.tenancy(tell) as tenant:
         machine: Machine = NoMachine()
         if bench.live is not None:
             machine = live = live_machine(bench, bench.live, flags, tenant, visit.workspace.inhibitor)
-            alarm.keep(_Beating(live))
+            alarm.keep(_Heartbeat(live))
         armed = ArmedBench(bench, None, flags, machine, thorough=True)
         course = _Unwatched(timeline_of(bench, machine, _Uneventful()))
         left: list[str] = []
@@ -118,7 +118,7 @@ def _energised(visit: _Visit, flags: StopFlags, alarm: Alarm, tell: Told) -> Che
         finally:
             if armed.touched:
                 armed.switch_off()
-                course.come()  # what people or the guardian's drill took of time is not the safe-off's
+                course.come()  # time taken by people or the guardian's drill does not count for the safe-off
                 left += armed.make_safe(lambda _: None)
             left += armed.let_go()
             if armed.touched:
@@ -130,32 +130,32 @@ def _energised(visit: _Visit, flags: StopFlags, alarm: Alarm, tell: Told) -> Che
         return Checked(ready=not (refusal or left), safe=not left, stopped=flags.reason)
 
 
-def _watched_afterwards(bench: BoundBench, flags: StopFlags, tell: Told) -> list[str]:
-    """Watch what was made safe, as after a run; return what did not behave like it."""
+def _watched_afterwards(bench: BoundBench, flags: StopFlags, tell: GateSink) -> list[str]:
+    """Watch what was made safe, as after a run; return what did not stay safe."""
     wrong: list[str] = []
 
-    def told(result: SafeResult) -> None:
+    def take(result: SafeResult) -> None:
         tell(Gate(f"{result.output} afterwards", ok=result.ok, detail=result.detail))
         if not result.ok:
             wrong.append(f"{result.output}: {result.detail}")
 
     with flags.shielded():
-        watch_after(bench.spec.watch_after, bench.roles, bench.clock, lambda *_: None, told)
+        watch_after(bench.spec.watch_after, bench.roles, bench.clock, lambda *_: None, take)
     return wrong
 
 
-class _Beating:
-    """Lets the guardian hear of a visit where an exchange with a slow instrument takes long, as a run does."""
+class _Heartbeat:
+    """Heartbeat of a visit to the guardian during long exchanges with slow instruments, as in a run."""
 
     def __init__(self, machine: LiveMachine) -> None:
         self.between = machine.between
 
     def attend(self, alone_s: float, silent_s: float) -> None:
-        """Do nothing: no case is at work."""
+        """Do nothing: no case is running."""
 
 
 class _Unwatched:
-    """Time as it passes for a bench that no monitor watches: its outputs are tried one at a time, and read."""
+    """Course of a bench that no monitor watches: its outputs are tried, and read, one at a time."""
 
     fresh_until_ns = None
 
@@ -165,7 +165,7 @@ class _Unwatched:
 
 
 class _Uneventful:
-    """The course of a visit, which nobody writes down."""
+    """Course of a visit, which is not recorded."""
 
     course = 0
 
@@ -181,10 +181,10 @@ def _latch_gates(spec: BenchSpec, source: Source, served: Path | None) -> Iterat
 def safe_bench(
     start: Path, name: str, source: Source, *, served: Path | None = None, tell: Callable[[str], None]
 ) -> list[SafeResult]:
-    """Execute every line of a bench's safe-off and return the outcome of each; see `check_bench`.
+    """Execute every line of a bench's safe-off and return the result of each; see `check_bench`.
 
-    Anyone who holds the bench does not keep anybody from making it safe, nor does an instrument that cannot be reached,
-    or in whose place another one answers: its lines are not proven. Who holds the bench is told.
+    A bench can be made safe even if a process holds it, and even if an instrument cannot be reached or another one
+    answers in its place: its lines are then not proven. The holder of the bench is reported.
     """
     results: list[SafeResult] = []
     held: list[str] = []
@@ -207,7 +207,7 @@ def safe_bench(
 
 
 def _prove_again(bench: BoundBench, results: list[SafeResult], strangers: Collection[str], pause_s: float) -> None:
-    """Take lines again that were not proven beside whoever holds the bench, who may have taken their replies."""
+    """Retry lines that were not proven: the process that holds the bench may have read their replies."""
     if all(result.ok for result in results):
         return
     bench.clock.sleep(pause_s * bench.speed)
@@ -223,7 +223,7 @@ def serve_bench(start: Path, name: str, folder: Path, *, speed: float, first_por
     """Open the ends of a simulated bench for other processes, until the context is left.
 
     Raises:
-        Refused: for an unknown bench, one without a simulated twin, or a folder or port that cannot be had.
+        Refused: for an unknown bench, one without a simulated twin, or a folder or port that is not available.
         ConfigurationError: with everything that is wrong with the bench file.
     """
     with served(_simulated(start, name), folder, speed=speed, first_port=first_port) as ends:
@@ -232,7 +232,7 @@ def serve_bench(start: Path, name: str, folder: Path, *, speed: float, first_por
 
 @dataclass(frozen=True, slots=True)
 class _Visit:
-    """A bench that somebody visits, with what it holds of it."""
+    """A visited bench, with its leases."""
 
     workspace: Workspace
     bench: BoundBench
@@ -240,8 +240,8 @@ class _Visit:
     leases: Sequence[str]
 
     @contextmanager
-    def tenancy(self, tell: Told) -> Iterator[_Tenant]:
-        """Give the visit a folder and a name for what the guardian may have to write; if it does nothing they go."""
+    def tenancy(self, tell: GateSink) -> Iterator[_Tenant]:
+        """Give the visit a name and a folder for what the guardian may have to write; both are removed if unused."""
         name = f"{wall.compact_utc()}-{self.bench.spec.name}-check-{secrets.token_hex(3)}"
         folder = self.workspace.reports / _VISITS / name
         journal = folder / GUARDIAN
@@ -271,13 +271,13 @@ class _Tenant:
 
 
 class _Anomalies:
-    """Where a visit's events are written: of those that there can be, a person hears what went wrong."""
+    """Event sink of a visit: anomalies are reported to the person, anything else is dropped."""
 
-    def __init__(self, tell: Told) -> None:
+    def __init__(self, tell: GateSink) -> None:
         self._tell = tell
 
     def write(self, event: Event, *, beside: Mapping[str, object] = NOTHING) -> None:
-        """Tell what went wrong."""
+        """Report an anomaly."""
         del beside
         if isinstance(event, Anomaly):
             self._tell(Gate("afterwards", ok=False, detail=event.text))
@@ -311,7 +311,7 @@ def _visit(
 
 
 def _leased(keys: Sequence[str], by_force: Callable[[str], None] | None) -> Lease:
-    """Take the bench's leases; by force it continues without them, and reports who has them."""
+    """Take the bench's leases; by force, continue without them, and report who has them."""
     try:
         return Lease(keys, "hil bench")
     except Refused as error:
@@ -327,7 +327,7 @@ def _read(start: Path, name: str) -> BenchSpec:
 
 
 def _simulated(start: Path, name: str) -> BenchSpec:
-    """Return a bench file whose simulated twin was checked."""
+    """Return a bench file whose simulated twin has been checked."""
     workspace = find_workspace(start)
     spec = load_bench(workspace.benches, name, workspace.root, twin=check_twin)
     simulated_twin(spec)

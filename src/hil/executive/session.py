@@ -1,4 +1,4 @@
-"""A session: one run from its folder to its seal."""
+"""Session: one run from its folder to its seal."""
 
 from __future__ import annotations
 
@@ -51,14 +51,14 @@ EXIT_UNSAFE = 7
 
 
 def code_of(pytest_code: int, verdicts: Sequence[Verdict], *, unsafe: bool, tripped: bool, stopped: bool) -> int:
-    """Return the run's exit code: what happened to the bench outweighs what pytest says.
+    """Return the run's exit code: what happened to the bench outweighs pytest's result.
 
     Args:
         pytest_code: what pytest returned; it counts before the teardown, which may still evaluate checks.
-        verdicts: those of all planned cases.
+        verdicts: the verdicts of all planned cases.
         unsafe: whether the bench could not be proven safe.
         tripped: whether the envelope tripped.
-        stopped: whether somebody asked the run to stop.
+        stopped: whether the run was requested to stop.
     """
     if unsafe:
         return EXIT_UNSAFE
@@ -72,11 +72,11 @@ def code_of(pytest_code: int, verdicts: Sequence[Verdict], *, unsafe: bool, trip
 
 
 Binder = Callable[[Transcript, Callable[[], str]], BoundBench]
-"""Makes the bench; gets the transcript, and what returns the current step."""
+"""Makes the bench from the transcript and a function that returns the current step."""
 
 
 class Spectator(Protocol):
-    """Shows what happens in a run, or tells somebody."""
+    """Shows what happens in a run, or notifies somebody."""
 
     def __call__(self, event: events.Event, /) -> None:
         """Take one event."""
@@ -92,15 +92,15 @@ class Session:
         configuration: what the run is made of.
         planned: every case, before anything is deselected.
         binder: makes the bench.
-        answers: makes what answers questions.
-        leases: what this run must hold alone, such as the ports of its instruments.
-        spectators: are shown every event, and get a turn every fraction of a second.
+        answers: makes the source of answers.
+        leases: what this run must hold exclusively, such as the ports of its instruments.
+        spectators: are shown every event, and get a turn several times a second.
         beginning: what the run begins from: nothing, an interrupted run, or a package.
-        caller: hears of what the run cannot come back from.
+        caller: is notified of what the run cannot recover from.
 
     Attributes:
-        record: what it writes down.
-        machine: drives a bench outside this process, None for one that lives in it.
+        record: the record of the run.
+        machine: drives a bench outside this process, None for one in it.
     """
 
     def __init__(
@@ -145,7 +145,7 @@ class Session:
     ) -> None:
         """Take the leases, make the folder, write the head of the journal, and open the bench.
 
-        From here to the seal signals are requests to stop.
+        From here to the seal, signals are requests to stop.
         """
         configuration = self.configuration
         alarm = self._closing.enter_context(handle_signals(self.flags))
@@ -161,7 +161,7 @@ class Session:
             self._freezing.compare_executed()
         self.bench = bench = binder(record.transcript, self._where)
         self._closing.callback(bench.close)
-        record.follow(bench, checkpoints=bool(leases))  # nobody resumes a rehearsal
+        record.follow(bench, checkpoints=bool(leases))  # a rehearsal is not resumed
         machine: Machine = NoMachine()
         if bench.live is not None:
             inhibit = configuration.workspace.inhibitor
@@ -180,7 +180,7 @@ class Session:
         record.events.listen(self.keeper.holding)
         self._entering = Entering(record, bench, self.keeper, self._beginning)
         if self._beginning.resumes or self.machine is not None or timeline.retraces:
-            record.events.serve(self)  # any other run is where its events are
+            record.events.serve(self)  # any other run is always caught up
         self.flags.govern(self)
         self._closing.enter_context(kept_from_copies(self._descriptors))
         if bench.live is not None and self.machine is not None:
@@ -190,22 +190,22 @@ class Session:
         self._answers = answers(bench, self.keeper.scheduler.idle, record.upkeep.elsewhere)
 
     def _descriptors(self) -> list[int]:
-        """Return what no copy of this process may keep."""
+        """Return the descriptors that no copy of this process may keep."""
         return [*self.record.descriptors, *(self.machine.descriptors if self.machine else ())]
 
     def before_event(self) -> None:
-        """Come to where a resumed or replayed run is, before an event is stamped."""
+        """Catch up with where a resumed or replayed run is, before an event is stamped."""
         if self.flags.reason and self.record.retraces():
             self._caller.stopped_early()
         self.keeper.scheduler.catch_up()
 
     def before_line(self) -> None:
-        """Bring what an event of a live bench stands on to the operating system."""
+        """Hand what an event of a live bench is based on to the operating system."""
         if self.machine is not None:
             self.record.before_line()
 
     def after_event(self, course: int) -> None:
-        """Enter a resumed run, if this event is where."""
+        """Enter a resumed run, if this event is its point of entry."""
         try:
             self._entering.after(course)
         finally:
@@ -217,9 +217,9 @@ class Session:
         return self.record.folder
 
     def arm(self, left_out: Collection[str] = ()) -> None:
-        """Arm the bench; where it cannot be, every case is NOT_RUN for that reason, and so they are after a stop.
+        """Arm the bench; if that fails, every case is NOT_RUN for that reason, as it is after a stop.
 
-        There need not be room for the recordings of cases that are left out.
+        No room is required for the recordings of cases that are left out.
         """
         if self.flags.reason:
             return
@@ -263,25 +263,25 @@ class Session:
         self.current.escapes.begin()
         self._keep_failed()
         scheduler.begin_case(self.current, round(planned.max_duration_s * 1e9))
-        if self.machine is None:  # of any other the guardian ends what does not return
+        if self.machine is None:  # for any other, the guardian ends what does not return
             self._caller.expect(scheduler.patience_s)
         return self.current
 
     def _keep_failed(self) -> None:
-        """Let what failed in the present case before the run was interrupted count, and what it gave up there."""
+        """Count what failed in the present case before the run was interrupted, and the attempts given up then."""
         if self.current is not None:
             self.current.check.keep(self._entering.take_failed(self.current.planned.id))
             self.current.given_up += self._entering.take_given_up(self.current.planned.id)
 
     def end(self, run: CaseRun) -> Verdict:
-        """End a case: write its verdict down, and bring the bench to rest."""
+        """End a case: record its verdict, and bring the bench to rest."""
         verdict = self._conclude(run)
         self.poison = self.poison or self._poison(run)
         return verdict
 
     def _conclude(self, run: CaseRun) -> Verdict:
         self._own()
-        self.keeper.scheduler.catch_up()  # up to here the record says what the case did
+        self.keeper.scheduler.catch_up()  # up to here the record covers what the case did
         for error in self._freezing.end_of_case():
             run.refused(error)
         if self.flags.astray:
@@ -290,7 +290,7 @@ class Session:
         run.escapes.end(run.raised)
         scheduler = self.keeper.scheduler
         if self.flags.reason and (scheduler.refused or scheduler.lost or self.flags.cuts):
-            run.raised(Stopped(self.flags.reason))  # whatever the case made of it
+            run.raised(Stopped(self.flags.reason))  # even if the case suppressed it
         run.finish()
         run.close()
         self.keeper.scheduler.end_case()
@@ -323,7 +323,7 @@ class Session:
         return facades(self.bench.spec, self.bench.roles, run.effects, run)
 
     def safe(self) -> None:
-        """Make the bench safe, whatever else fails, and write down why the run was stopped, if it was."""
+        """Make the bench safe, whatever else fails, and record why the run was stopped, if it was."""
         self._own()
         try:
             self._stopped = bool(self.flags.reason)
@@ -334,11 +334,11 @@ class Session:
             self.keeper.release()
 
     def make_safe(self) -> None:
-        """Make the bench safe, in the middle of whatever a case does."""
+        """Make the bench safe in the middle of whatever a case does."""
         self.keeper.safe()
 
     def give_up(self) -> None:
-        """End the run from where it is, in the middle of a case that lets no stop and no timeout end it."""
+        """End the run from where it is, in the middle of a case that suppresses every stop and timeout."""
         with self.flags.shielded():
             try:
                 if run := self.current:
@@ -372,7 +372,7 @@ class Session:
             self.record.leave_open()
 
     def abandon(self) -> None:
-        """Close everything without a seal: for runs whose folder nobody keeps."""
+        """Close everything without a seal: for runs whose folder is discarded."""
         with self._closing:
             self.record.abandon()
 
@@ -381,7 +381,7 @@ class Session:
         return self.bench.clock.now()
 
     def _own(self) -> None:
-        """End a copy of this process that a case forked and let continue: there is one run."""
+        """End this process if it is a copy that a case forked and let continue: there is only one run."""
         if self.flags.is_copy:
             os._exit(1)
 
@@ -389,7 +389,7 @@ class Session:
         return f"step {self.current.steps.number or 'none'} of {self.current.planned.id}" if self.current else "no case"
 
     def _poison(self, run: CaseRun) -> str:
-        """Return why no further case can run, if so."""
+        """Return why no further case can run, empty if one can."""
         trip = self.keeper.scheduler.tripped
         if trip:
             return f"the envelope tripped: {trip.text}"

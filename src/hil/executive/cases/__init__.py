@@ -1,1 +1,1 @@
-"""Running cases: what a case is given, what it does, and what comes of it."""
+"""Running cases: what a case is given, what it does, and its verdict."""

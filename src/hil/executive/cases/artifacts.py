@@ -23,14 +23,14 @@ _LARGEST = 50_000_000
 class Artifacts(OfThisProcess):
     """The `artifact` fixture of one case.
 
-    What is kept is an effect with its hash: a replay has to make the same bytes again.
+    Each file is an effect with its hash: a replay has to produce the same bytes.
 
     Args:
         steps: knows the case.
-        effects: where it is noted.
+        effects: where it is recorded.
         journal: where events are written.
-        folder: where attachments lie.
-        made: the files that cases of this run have made; what is made here is added.
+        folder: the folder of attachments.
+        made: the files that cases of this run have created; those created here are added.
     """
 
     said = "`artifact`"
@@ -44,10 +44,10 @@ class Artifacts(OfThisProcess):
         self._kept: set[str] = set()
 
     def __call__(self, name: str, content: str | bytes) -> None:
-        """Keep a file: a calibration, a table, a drawing. Text is stored as UTF-8.
+        """Keep a file, such as a calibration, a table or a drawing. Text is stored as UTF-8.
 
         Raises:
-            Misused: for a name that is not a plain file name or was used before, or content that is neither text nor
+            Misused: for a name that is not a plain file name or is in use already, or content that is neither text nor
                 bytes, or too large.
         """
         data = self._data(name, content)
@@ -68,8 +68,8 @@ class Artifacts(OfThisProcess):
 
     def _keep(self, name: str, data: bytes, digest: str) -> str:
         if name.casefold() in self._kept:
-            told = "this case already keeps a file of that name, whose letters may be larger or smaller"
-            raise Misused(f"artifact '{name}': {told}", "use another name")
+            problem = "this case already keeps a file of that name, whose letters may be larger or smaller"
+            raise Misused(f"artifact '{name}': {problem}", "use another name")
         self._kept.add(name.casefold())
         path = self._free(name, data)
         write_whole(path, data)
@@ -80,7 +80,7 @@ class Artifacts(OfThisProcess):
     def _free(self, name: str, data: bytes) -> Path:
         """Return a path that no earlier attempt and no case with a similar name has taken.
 
-        A resumed run comes again to the files that it made before it was interrupted.
+        A resumed run repeats the files that it created before it was interrupted.
         """
         stem = file_part(self._steps.case)
         names = chain([f"{stem}-{name}"], (f"{stem}-{number}-{name}" for number in count(2)))
@@ -89,7 +89,7 @@ class Artifacts(OfThisProcess):
         return path
 
     def _is_free(self, path: Path, data: bytes) -> bool:
-        """Return whether no other file has this name, also where the size of letters does not count."""
+        """Return whether no other file has this name, ignoring case."""
         name = path.name.casefold()
         there = [each for each in self._folder.iterdir() if each.name.casefold() == name]
         made = any(each.name.casefold() == name for each in self._made)

@@ -1,4 +1,4 @@
-"""One capture: waiting for the trigger of an instrument, then reading block by block what it took by itself."""
+"""One capture: waits for an instrument's trigger, then reads block by block what it captured by itself."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from hil.model.errors import NotTriggered
 __all__ = ["Capturing"]
 
 _LOOK_NS = 20_000_000
-"""How often the instrument is asked whether its trigger has come."""
+"""Polling period for the instrument's trigger."""
 
 
 class Capturing:
@@ -25,11 +25,11 @@ class Capturing:
         name: of the recording.
         source: the role's façade.
         role: the role.
-        scheduler: lets bench time pass, and monitors run, between the questions and between the blocks.
+        scheduler: lets bench time pass, and monitors run, between polls and between blocks.
         store: opens row files.
 
     Attributes:
-        facts: what is known of the recording, once the trigger has come.
+        facts: the facts of the recording, once the trigger has come.
     """
 
     facts: events.Recording
@@ -46,7 +46,7 @@ class Capturing:
 
         Args:
             within: how long to wait [s].
-            facts_of: returns what is known of the recording.
+            facts_of: returns the facts of the recording.
 
         Raises:
             NotTriggered: the trigger did not come in time; nothing is recorded.

@@ -33,12 +33,12 @@ __all__ = ["CaseRun", "Outcome"]
 
 _MOST_NAMED = 4
 _ADDRESS = re.compile(r" at 0x[0-9A-Fa-f]{8,}")
-"""Where an object lies in memory, in its text: another place in every run, and no evidence."""
+"""An object's memory address in its text: different in every run, and no evidence."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
-    """The outcome of a case: its verdict, one per requirement, and the reasons in sentences."""
+    """Outcome of a case: its verdict, one per requirement, and the reasons in sentences."""
 
     verdict: Verdict
     requirements: dict[str, Verdict]
@@ -47,7 +47,7 @@ class Outcome:
 
 @dataclass
 class CaseRun(OfThisProcess):
-    """One case while it runs; its verdict comes from here, not from what its code lets through."""
+    """One case while it runs; it decides the verdict, whatever the case's code suppresses."""
 
     said = "its turn at the bench"
 
@@ -66,7 +66,7 @@ class CaseRun(OfThisProcess):
     source: Source
     used: dict[str, Source] = field(default_factory=dict)
     given_up: list[Abandoned] = field(default_factory=list)
-    """The attempts of this case that ended without a verdict when the run was interrupted."""
+    """The attempts of this case that the interruption of the run ended without a verdict."""
     _bench_faults: list[str] = field(default_factory=list)
     _dut_faults: list[str] = field(default_factory=list)
     _undecided: list[str] = field(default_factory=list)
@@ -89,7 +89,7 @@ class CaseRun(OfThisProcess):
         return self._bench_faults[0] if self._bench_faults else ""
 
     def point(self) -> None:
-        """Be a scheduling point."""
+        """Pass a scheduling point."""
         self.scheduler.point()
 
     def uses(self, instrument: InstrumentSpec) -> None:
@@ -97,10 +97,10 @@ class CaseRun(OfThisProcess):
         self.used[instrument.name] = self.source
 
     def fault(self, instrument: InstrumentSpec, fault: DeviceFault) -> None:
-        """Note silence or nonsense of a device, whether or not the case lets it through.
+        """Note silence or nonsense of a device, whether or not the case suppresses the error.
 
         Raises:
-            Stopped: the bench cannot be driven any more, see `Scheduler.hear`; the case is resumed, and not judged.
+            Stopped: the bench can no longer be driven, see `Scheduler.hear`; the case is resumed, and not judged.
         """
         self._write_fault(fault, dut=instrument.dut)
         if not instrument.dut:
@@ -108,11 +108,11 @@ class CaseRun(OfThisProcess):
         (self._dut_faults if instrument.dut else self._bench_faults).append(str(fault))
 
     def refused(self, error: HilError) -> None:
-        """Note what was asked of a role and not done, whether or not the case lets it through."""
+        """Note a refused operation of a role, whether or not the case suppresses the error."""
         self._refused.append(error)
 
     def skip(self, reason: str) -> None:
-        """Note that the case took itself out; it is NOT_RUN at best, and what it found before stands."""
+        """Note that the case skipped itself; it is NOT_RUN at best, and its checks until then stand."""
         self._skipped = writable(reason) or "skipped"
 
     def raised(self, error: BaseException, where: str = "") -> None:
@@ -121,7 +121,7 @@ class CaseRun(OfThisProcess):
         if isinstance(error, Stopped):
             self._aborted = f"stopped by {error}"
         elif self.scheduler.lost:
-            return  # whatever follows from that the resumed case comes to by itself, if it does
+            return  # if this has consequences, the resumed case meets them itself
         elif isinstance(error, CaseTimeout):
             self._took_too_long(str(error))
         elif isinstance(error, Diverged) or str(error) in {*self._bench_faults, *self._dut_faults}:
@@ -132,14 +132,14 @@ class CaseRun(OfThisProcess):
             self._untriggered(error)
         elif not isinstance(error, CheckFailed):
             name = "" if isinstance(error, HilError) else f"{type(error).__name__}: "  # ours are sentences
-            told = writable(_ADDRESS.sub("", f"{name}{error}".rstrip(": ")))
-            self._problems.append(f"{told} ({where})" if where else told)
+            problem = writable(_ADDRESS.sub("", f"{name}{error}".rstrip(": ")))
+            self._problems.append(f"{problem} ({where})" if where else problem)
 
     def finish(self) -> None:
-        """Evaluate the criteria of the recordings that requirements ask for.
+        """Evaluate the criteria for the recordings that requirements ask for.
 
-        Called again after the teardown, which may take another recording of a name that was judged already: all of
-        them are looked at then, and the poorest counts.
+        Called again after the teardown, which may add a recording with a name that was judged already: then all of
+        them are evaluated, and the worst counts.
         """
         taken = self.record.taken
         names = {cast("events.Recording", each["facts"]).name for each in taken[self._judged :]}
@@ -152,7 +152,7 @@ class CaseRun(OfThisProcess):
                     self.check.data(requirement, limit, value, behind, reason)
 
     def close(self) -> None:
-        """Take in what shows only when nothing of the case is left to run, whatever it let through."""
+        """Collect what shows only when nothing of the case is left to run, whatever it suppressed."""
         self.steps.close()
         self.record.close()
         deadline_ns = self.scheduler.deadline_ns
@@ -181,17 +181,17 @@ class CaseRun(OfThisProcess):
         return Outcome(verdict=case, requirements=requirements, reasons=reasons)
 
     def _let_through(self) -> list[str]:
-        """Return what was refused where nothing of that came out of the case's code."""
+        """Return what was refused, if the case's code suppressed all of it."""
         refused = (*self.check.refused, *self.operator.refused, *self._refused)
         return [writable(str(error)) for error in refused if not any(error is each for each in self._raised)]
 
     def _distrusted(self, fault: Implausible) -> None:
-        """Note a fixture's judgement that the bench is not what it says; nothing more is run on it."""
+        """Note a fixture's judgement that the bench is not as declared; nothing more is run on it."""
         self._write_fault(fault, dut=False)
         self._bench_faults.append(str(fault))
 
     def _untriggered(self, error: NotTriggered) -> None:
-        """Note that an instrument waited in vain: for bench or DUT, nobody can tell."""
+        """Note that an instrument waited in vain: whether bench or DUT is to blame is unknown."""
         if str(error) not in self._undecided:
             self._write_fault(error, dut=False, undecided=True)
             self._undecided.append(str(error))
@@ -210,9 +210,9 @@ class CaseRun(OfThisProcess):
         )
 
     def _took_too_long(self, why: str = "") -> None:
-        told = why or f"the case took longer than its {self.planned.max_duration_s:g} s of bench time"
-        if told not in self._problems:
-            self._problems.append(told)
+        problem = why or f"the case took longer than its {self.planned.max_duration_s:g} s of bench time"
+        if problem not in self._problems:
+            self._problems.append(problem)
 
     def _requirement(self, requirement: Requirement, ended: Verdict | None) -> Verdict:
         return rule(
@@ -234,7 +234,7 @@ class CaseRun(OfThisProcess):
         return "" if got else asked
 
     def _missing(self, requirement: Requirement) -> list[str]:
-        """Return the checks that a requirement did not get; of many of one parameter the first and the last."""
+        """Return the checks that a requirement lacks; of many with one parameter, only the first and the last."""
         done = {(item.parameter, item.of) for item in self.check.evaluated if item.requirement == requirement.id}
         found: list[str] = []
         for limit in requirement.limits:

@@ -1,4 +1,4 @@
-"""What an instrument's certificate says of a reading, in whatever unit the reading comes."""
+"""Uncertainty of readings from an instrument's certificate, in whatever unit the reading is."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from hil.requirements.units import UnitError, compatible, convert, same, scale
 __all__ = ["calibrated", "standard_uncertainty", "uncovered"]
 
 _NEEDS_NONE = frozenset({"", "1", "count", "s"})
-"""Counts, states and plain numbers measure nothing, and time is the bench clock's: none of them needs a certificate."""
+"""Units without certificates: counts, states and plain numbers measure nothing, and time is the bench clock's."""
 _OF_READINGS = ": a difference of temperatures has the uncertainties of its readings, without `instrument`"
 
 
@@ -35,7 +35,7 @@ def standard_uncertainty(calibration: Calibration | None, unit: str, value: floa
 
 
 def _covers(entry: CalibratedRange, unit: str) -> bool:
-    """Return whether a line of a certificate is of the quantity of this unit."""
+    """Return whether a line of a certificate is for the quantity of this unit."""
     if entry.unit == unit:
         return True
     try:
@@ -45,19 +45,19 @@ def _covers(entry: CalibratedRange, unit: str) -> bool:
 
 
 def calibrated(figure: Figure, calibration: Calibration | None) -> Figure:
-    """Return the reading with its certificate's uncertainty; a figure that has one already keeps it."""
+    """Return the reading with its certificate's uncertainty; a figure that already has one keeps it."""
     if figure.uncertainty is not None:
         return figure
     return replace(figure, uncertainty=standard_uncertainty(calibration, figure.unit, figure.value))
 
 
 def uncovered(instrument: InstrumentSpec, unit: str, *values: float) -> tuple[str, ...]:
-    """Return what no certificate covers of readings, a sentence each; nothing of the device under test needs one.
+    """Return which readings no certificate covers, a sentence each; the device under test needs none.
 
     Args:
-        instrument: what was read.
+        instrument: the instrument that was read.
         unit: of the readings.
-        values: of which those count that are finite numbers.
+        values: the readings; only finite ones count.
     """
     name, calibration = instrument.name, instrument.calibration
     if instrument.dut or unit in _NEEDS_NONE:

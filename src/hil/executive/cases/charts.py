@@ -1,4 +1,4 @@
-"""`chart`: what a plan puts on the first page of its report, kept as data that anybody can draw again."""
+"""`chart`: charts of a plan on the first page of its report, kept as data that anybody can redraw."""
 
 from __future__ import annotations
 
@@ -20,22 +20,22 @@ __all__ = ["Charts", "Curve"]
 
 Values = Sequence[float | Figure]
 _MOST_POINTS = 5_000
-"""Of one chart: it goes into the journal, and a drawing of it can show no more."""
+"""Limit per chart: it goes into the journal, and a drawing can show no more."""
 
 _K = 2.0
-"""The coverage factor of the bars, which are for the eye; what is judged is in the checks."""
+"""Coverage factor of the error bars, which are for the eye; judging is done by the checks."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Curve:
-    """Points of a chart that belong together, each list in one order; figures are converted to the axis' unit.
+    """One curve of a chart, all lists in the same order; figures are converted to the axis' unit.
 
     Attributes:
-        name: what they are of, such as `axis z` or `discharge`.
-        x: where each point stands across: numbers in the axis' unit, or figures.
-        y: its value, in the same way; figures with an uncertainty are drawn with bars of twice that.
-        model: a model's curve as two lists, across and value; two points make a straight line.
-        residual: by how much each point lies above the model, for a panel of its own below.
+        name: what it is of, such as `axis z` or `discharge`.
+        x: the abscissa of each point: numbers in the axis' unit, or figures.
+        y: the ordinate of each point, likewise; figures with an uncertainty are drawn with bars of twice that.
+        model: a model's curve as two lists, abscissas and ordinates; two points make a straight line.
+        residual: by how much each point lies above the model, for a separate panel below.
     """
 
     name: str
@@ -75,23 +75,23 @@ class Charts(OfThisProcess):
     ) -> None:
         """Put a chart on the first page of the report.
 
-        Charts with the same title and axes are drawn as one, so that every board, axis or temperature that has a case
-        of its own adds its curves.
+        Charts with the same title and axes are drawn as one, so that every board, axis or temperature with a case of
+        its own adds its curves.
 
         Args:
-            title: what stands above.
-            curves: the points; one that is not finite leaves a hole.
+            title: the title.
+            curves: the curves; a point that is not finite leaves a gap.
             x: name and unit of the lower axis.
             y: name and unit of the left axis.
-            log: whether both axes are logarithmic; what is not above zero leaves a hole.
+            log: whether both axes are logarithmic; a point that is not above zero leaves a gap.
             limit: requirement and parameter whose limit is drawn, from the catalogue.
-            limit_power: the power of what stands across that the limit is multiplied with: -0.5 for a noise density
-                over the averaging time.
+            limit_power: the power of the abscissa by which the limit is multiplied: -0.5 for a noise density over the
+                averaging time.
             residual_limit: the same for the residuals.
-            lines: what the lines of the models are, for the caption, such as `the fade that fits best`.
+            lines: what the models' lines show, for the caption, such as `the fade that fits best`.
 
         Raises:
-            Misused: for lists that do not belong together, an unknown limit, or a unit that does not convert.
+            Misused: for lists of unequal length, an unknown limit, or a unit that does not convert.
         """
         across, upward = _axis(x, "x"), _axis(y, "y")
         written = tuple(_curve(each, across.unit, upward.unit) for each in curves)
@@ -131,7 +131,7 @@ class Charts(OfThisProcess):
                 f"this case has no limit '{requirement} {parameter}'{did_you_mean(f'{requirement} {parameter}', known)}"
             )
         low, high = (
-            None if bound is None else _told(_converted(float(bound), limit.unit, unit))
+            None if bound is None else _digits(_converted(float(bound), limit.unit, unit))
             for bound in (limit.minimum, limit.maximum)
         )
         return events.ChartLimit(
@@ -173,14 +173,14 @@ def _curve(curve: object, across: str, upward: str) -> events.ChartCurve:
 
 def _numbers(values: Iterable[float | Figure], unit: str) -> tuple[float | None, ...]:
     return tuple(
-        _told(_converted(each.value, each.unit, unit) if isinstance(each, Figure) else float(each)) for each in values
+        _digits(_converted(each.value, each.unit, unit) if isinstance(each, Figure) else float(each)) for each in values
     )
 
 
 def _expanded(values: Iterable[float | Figure], unit: str) -> tuple[float | None, ...]:
-    """Return the bars of the figures among the values; none at all where no figure has an uncertainty."""
+    """Return the error bars of the figures among the values; none if no figure has an uncertainty."""
     bars = tuple(
-        _told(
+        _digits(
             _K
             * abs(_converted(each.value + each.uncertainty, each.unit, unit) - _converted(each.value, each.unit, unit))
         )
@@ -198,6 +198,6 @@ def _converted(value: float, unit: str, wanted: str) -> float:
         raise Misused(f"a chart's values in {unit} do not convert to {wanted}: {error}") from None
 
 
-def _told(number: float) -> float | None:
-    """Return a number to the digits that every machine agrees on, None where it is not finite."""
+def _digits(number: float) -> float | None:
+    """Return a number rounded to the digits that every machine agrees on, None if it is not finite."""
     return float(f"{number:.12g}") if math.isfinite(number) else None

@@ -47,10 +47,10 @@ class Checks(OfThisProcess):
         requirements: the requirements of the case's marker, by id.
         steps: knows case and step.
         journal: where events are written.
-        stands: whether a number stands in a source or a parameter of the plan, so that a reviewer can read it.
+        stands: whether a number appears in a source or parameter of the plan, so that a reviewer can read it.
 
     Attributes:
-        refused: why calls were refused, in order: a check that was not made is an error, whatever the case makes of it.
+        refused: why calls were refused, in order: a check that was not made is an error, even if the case ignores it.
     """
 
     said = "`check`"
@@ -72,16 +72,16 @@ class Checks(OfThisProcess):
 
     @property
     def evaluated(self) -> tuple[Evaluated, ...]:
-        """Every check so far, also where the same criterion was evaluated several times: the worst counts."""
+        """Every check so far, including repeated evaluations of the same criterion: the worst counts."""
         return tuple(self._evaluated)
 
     @property
     def kept(self) -> tuple[Evaluated, ...]:
-        """Those that had failed before the run was interrupted, in a part of it that is void; they count."""
+        """Checks that had failed before the run was interrupted, in a part of it that is void; they count."""
         return tuple(self._kept)
 
     def keep(self, failed: Sequence[events.Failed]) -> None:
-        """Let checks count that had failed before the run was interrupted: what is repeated does not undo them."""
+        """Keep checks that had failed before the run was interrupted: repeating them does not undo them."""
         self._kept += [
             Evaluated(
                 requirement=each.requirement,
@@ -107,24 +107,24 @@ class Checks(OfThisProcess):
     ) -> Verdict:
         """Evaluate one criterion, record it, and continue; the case fails at its end.
 
-        The same criterion may be evaluated again, in every turn of a loop for example: each is a check of its own, and
-        the worst of them counts.
+        The same criterion may be evaluated repeatedly, such as in every turn of a loop: each is a check of its own, and
+        the worst counts.
 
         Args:
-            requirement: id, one of the case's marker.
+            requirement: an id from the case's marker.
             parameter: a parameter of its limits.
-            value: a figure; a bare number only where the unit is `1`; a text where the limit is one.
+            value: a figure; a bare number only if the unit is `1`; a text if the limit is one.
             of: which member of the limit's denominator (axis, channel).
-            instrument: the role whose certificate adds its uncertainty in quadrature, and from which the value then
-                comes as well; readings and recordings of roles carry theirs already.
+            instrument: the role whose certificate adds its uncertainty in quadrature, and which then also counts as
+                the value's source; readings and recordings of roles already carry theirs.
             doubts: why the data of the value cannot be trusted, a sentence each, such as gates that tripped;
-                with one of them the check is INCONCLUSIVE, whatever the value.
-            at: the conditions in words, such as `axis z, 25.0 degC`, which every table of the report gives the value
-                with.
-            headline: what to call the value on the first page of the report; checks of one name share an entry there.
+                with any of them the check is INCONCLUSIVE, whatever the value.
+            at: the conditions in words, such as `axis z, 25.0 degC`, shown with the value in every table of the
+                report.
+            headline: the name of the value on the first page of the report; checks of one name share an entry there.
 
         Raises:
-            Misused: if catalogue and call do not fit together.
+            Misused: if the call does not match the catalogue.
         """
         of = of or None
         try:
@@ -175,19 +175,19 @@ class Checks(OfThisProcess):
         provenance: Provenance | None,
         reason: str = "",
     ) -> None:
-        """Evaluate one criterion that a recording has to meet; met, it is RECORDED.
+        """Evaluate one criterion that a recording has to meet; if met, it is RECORDED.
 
         Args:
-            requirement: what asks for the recording.
+            requirement: the requirement that asks for the recording.
             limit: the criterion.
-            value: what was found.
+            value: the value found.
             provenance: of the recording.
-            reason: why it is not met, where that says more than value and limit.
+            reason: why it is not met, if that says more than value and limit.
         """
         self._evaluate(requirement.id, limit, None, value, _Standing(None, provenance, _unproven(provenance)), reason)
 
     def _unreadable(self, provenance: Provenance | None) -> list[str]:
-        """Return a sentence on numbers that took part and nobody can read: 100 divided by a reading is one."""
+        """Return a sentence about numbers that took part without being readable anywhere, such as 100 / reading."""
         computed = [each for each in provenance.numbers if not self._stands(each)] if provenance else []
         if not computed:
             return []
@@ -223,7 +223,7 @@ class Checks(OfThisProcess):
         reason: str = "",
         doubts: tuple[str, ...] = (),
     ) -> None:
-        """Judge what will be written down, to the digits that will be written down, so that anybody can judge again."""
+        """Judge a value as it will be recorded, to the digits that will be recorded, so that anybody can rejudge it."""
         judgement = judge(found if isinstance(found, str) else _written(found, limit, standing.added), limit)
         status = found.status.value if isinstance(found, Figure) else ""
         if judgement.verdict is Verdict.INCONCLUSIVE and _too_coarse(judgement, limit):
@@ -239,7 +239,7 @@ class Checks(OfThisProcess):
         self._note(requirement, limit, of, judgement, status, doubts, standing)
 
     def _placed(self, requirement: str, reason: str) -> str:
-        """Return a reason with where the requirement stands that asks for so much."""
+        """Return a reason, with the place of the requirement that sets the limit."""
         place = self._requirements[requirement].place
         return f"{reason} ({place.path}:{place.line})" if place.path else reason
 
@@ -263,18 +263,18 @@ class Checks(OfThisProcess):
             requirement=requirement,
             parameter=limit.parameter,
             of=of,
-            value=judgement.value if isinstance(judgement.value, str) else _told(judgement.value),
+            value=judgement.value if isinstance(judgement.value, str) else _finite(judgement.value),
             unit=judgement.unit,
-            uncertainty=_told(judgement.uncertainty),
-            dof=_told(judgement.dof),
+            uncertainty=_finite(judgement.uncertainty),
+            dof=_finite(judgement.dof),
             status=status,
             doubts=doubts,
             limit=events.Bounds(min=limit.minimum, max=limit.maximum, equals=limit.equals),
             limit_unit=limit.unit,
             decision=judgement.decision,
-            expanded=_told(judgement.expanded),
-            margin=_told(judgement.margin),
-            tur=_told(judgement.tur),
+            expanded=_finite(judgement.expanded),
+            margin=_finite(judgement.margin),
+            tur=_finite(judgement.tur),
             verdict=verdict,
             reason=judgement.reason,
             instruments=provenance.instruments,
@@ -293,7 +293,7 @@ class Checks(OfThisProcess):
 
 
 def _too_coarse(judgement: Judgement, limit: Limit) -> bool:
-    """Tell whether a test uncertainty ratio is known, and below what the limit asks for."""
+    """Return whether a test uncertainty ratio is known, and below what the limit requires."""
     return limit.min_tur is not None and judgement.tur is not None and judgement.tur < float(limit.min_tur)
 
 
@@ -311,7 +311,7 @@ def _sentences(doubts: object) -> tuple[str, ...]:
 
 @dataclass(frozen=True, slots=True)
 class _Standing:
-    """What a value comes from: an instrument's uncertainty, provenance, why it proves nothing, and conditions."""
+    """Standing of a value: an instrument's uncertainty, provenance, why it proves nothing, and conditions."""
 
     added: float | None
     provenance: Provenance | None
@@ -331,7 +331,7 @@ _FROM_NOWHERE = "no reading, recording or answer stands behind this value"
 
 
 def _of_instrument(instrument: Facade | None, found: Figure | str) -> tuple[float | None, Provenance | None]:
-    """Return the uncertainty that an instrument's certificate adds, and what it says of where the value is from."""
+    """Return the uncertainty that an instrument's certificate adds, and the value's provenance from it."""
     if instrument is None or isinstance(found, str):
         return None, None
     if not isinstance(instrument, Facade):
@@ -348,7 +348,7 @@ def _digits(number: float) -> float:
 
 
 def _written(found: Figure, limit: Limit, added: float | None) -> Figure:
-    """Return a figure in the limit's unit and in the digits that will be written down."""
+    """Return a figure in the limit's unit and with the digits that will be recorded."""
     figure = combined(found, limit, added)
     if not math.isfinite(figure.value):
         return figure
@@ -362,6 +362,6 @@ def _written(found: Figure, limit: Limit, added: float | None) -> Figure:
     )
 
 
-def _told(number: float | None) -> float | None:
+def _finite(number: float | None) -> float | None:
     """Return a number for the journal, None if it is not finite."""
     return None if number is None or not math.isfinite(number) else _digits(number)

@@ -1,4 +1,4 @@
-"""What requirements demand of recordings while they are taken: gaps that they allow, and how long they last."""
+"""Demands of requirements on recordings while they are taken: the gaps that they allow, and their duration."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ __all__ = ["Demanded"]
 
 
 class Demanded:
-    """What the requirements of a case demand of its recordings.
+    """Demands of a case's requirements on its recordings.
 
     Args:
-        requirements: of the case.
+        requirements: those of the case.
 
     Attributes:
-        gaps_ns: by recording the longest gap that they allow [ns], None where they ask for a rate only.
+        gaps_ns: longest allowed gap [ns] by recording, None if only a rate is required.
     """
 
     def __init__(self, requirements: Sequence[Requirement]) -> None:
@@ -33,10 +33,10 @@ class Demanded:
         self.gaps_ns = {name: round(gap * NANOSECONDS) if math.isfinite(gap) else None for name, gap in gaps.items()}
 
     def is_short(self, facts: events.Recording, covers_s: float) -> bool:
-        """Return whether a recording that was asked for as long as is demanded does not last so long.
+        """Return whether a recording requested for the demanded duration falls short of it.
 
-        Its samples are stamped when they have come. If the first one took longer to come than the last one, the
-        recording lasts that much less.
+        Its samples are stamped on arrival. If the first one had a longer latency than the last one, the recording is
+        that much shorter.
 
         Args:
             facts: the recording.

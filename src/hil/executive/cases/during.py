@@ -31,7 +31,7 @@ class KeepsRecordings(Protocol):
     """The recorder that keeps what was recorded."""
 
     def keep(self, taking: Taking) -> Recording:
-        """Keep a recording that is whole, for the requirements that ask for it, and return it."""
+        """Keep a complete recording for the requirements that ask for it, and return it."""
         ...
 
 
@@ -39,14 +39,14 @@ class During:
     """One recording beside a case; a context manager.
 
     While the block runs, the scheduler fetches rows at every scheduling point at which they are due. The end of the
-    block fetches the rest and finishes the recording; an exception ends it, too, and what came before is kept as
+    block fetches the rest and finishes the recording; an exception ends it, too, and what was recorded is kept as
     incomplete.
 
     Args:
         taking: the recording.
-        effects: where beginning, waits and end are noted.
+        effects: where beginning, waits and end are recorded.
         scheduler: lets bench time pass.
-        keeper: keeps what is whole.
+        keeper: keeps complete recordings.
     """
 
     def __init__(self, taking: Taking, effects: Effects, scheduler: Scheduler, keeper: KeepsRecordings) -> None:
@@ -62,14 +62,14 @@ class During:
         """The finished recording.
 
         Raises:
-            Misused: within the block, or where the recording was not finished.
+            Misused: within the block, or if the recording was not finished.
         """
         if self._recording is None:
             raise Misused(f"record '{self._name}' is not finished", "use its recording after the `with` block")
         return self._recording
 
     def __getitem__(self, channel: str) -> NoReturn:
-        """Say where the values are.
+        """Refuse, and point to where the values are.
 
         Raises:
             Misused: always.
@@ -94,7 +94,7 @@ class During:
             if self._taking.whole:
                 self._recording = self._keeper.keep(self._taking)
             return
-        with suppress(HilError):  # what ended the block is what the case has to learn
+        with suppress(HilError):  # the case must see the exception that ended the block
             self._end(complete=False)
 
     def until(
@@ -113,9 +113,9 @@ class During:
         Args:
             channel: the channel's name.
             within: how long to wait at most [s].
-            equals: the number that is awaited, or
-            above: the number that has to be exceeded, or
-            below: the number that has to be fallen below.
+            equals: the value to wait for, or
+            above: the value to exceed, or
+            below: the value to fall below.
 
         Raises:
             NotInTime: no such row came in time.
@@ -131,11 +131,11 @@ class During:
         return self._wait(f"record.{self._name}.until", arguments, lambda: self._until(condition, channel, within))
 
     def until_over(self, *, within: float) -> float:
-        """Wait until the device says that its test has ended, and return the bench time at which that was seen, in s.
+        """Wait until the device reports the end of its test, and return the bench time at which that was seen, in s.
 
         Raises:
             NotInTime: it did not in time.
-            Misused: it never says so.
+            Misused: it never reports that.
         """
         self._require_running()
         if self._taking.turns.over is None:
@@ -143,7 +143,7 @@ class During:
         return self._wait(f"record.{self._name}.until_over", {"within": within}, lambda: self._until_over(within))
 
     def latest(self, channel: str) -> Figure:
-        """Return the newest number of a channel, with the uncertainty of the certificate.
+        """Return the newest value of a channel, with the uncertainty of the certificate.
 
         Raises:
             NotInTime: no row has come yet.
@@ -167,7 +167,7 @@ class During:
         try:
             self._effects.perform(name, "records", arguments, lambda: self._taking.end(complete=complete))
         finally:
-            self._taking.end(complete=False)  # where the effect was not to be performed
+            self._taking.end(complete=False)  # if the effect was not performed
 
     def _wait(self, name: str, arguments: Mapping[str, object], action: Callable[[], float]) -> float:
         self._require_running()
@@ -179,7 +179,7 @@ class During:
         intake, turns = self._taking.intake, self._taking.turns
         intake.await_row(condition)
         try:
-            if intake.found is None:  # after the end of the device's own test no row will come
+            if intake.found is None:  # no row comes after the end of the device's own test
                 self._come(within, lambda: intake.found is not None or bool(turns.over))
         finally:
             intake.await_nothing()
@@ -203,7 +203,7 @@ class During:
         return self._scheduler.now_ns() / NANOSECONDS
 
     def _come(self, within: float, done: Callable[[], bool]) -> None:
-        """Wait until rows tell it; what has come in time, and waits for its turn, is fetched at last."""
+        """Wait until rows show it; rows that arrived in time but await their turn are fetched at the end."""
         self._scheduler.wait_until(self._scheduler.now_ns() + round(within * NANOSECONDS), done)
         if not done():
             self._taking.turns.take_early()

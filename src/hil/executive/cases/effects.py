@@ -1,4 +1,4 @@
-"""Effects: everything a case learns of the world, or does to it, keyed so that it can be run again."""
+"""Effects: everything a case learns of the world, or does to it, keyed so that the case can be re-executed."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _Result = TypeVar("_Result")
 
 
 class Where(Protocol):
-    """Tells where a case is."""
+    """The present place in a case."""
 
     @property
     def case(self) -> str:
@@ -37,11 +37,11 @@ class Where(Protocol):
 
 
 class Recall:
-    """The effects of an earlier run, which a case that is run again must ask for in the same order.
+    """The effects of an earlier run, which a re-executed case must request in the same order.
 
     Args:
         effects: its effects, in order.
-        answered: which kinds are answered from the record instead of being performed again.
+        answered: the kinds that are answered from the record instead of being performed again.
     """
 
     def __init__(self, effects: Sequence[events.Effect], answered: frozenset[str]) -> None:
@@ -51,41 +51,41 @@ class Recall:
         self._answered = answered
 
     def take(self, asked: events.Effect) -> events.Effect:
-        """Return the recorded effect that a case asks for.
+        """Return the recorded effect that a case requests.
 
         Raises:
             Diverged: if the case did something else here in the record, or had ended.
         """
         waiting = self._effects.get(asked.case, [])
         if not waiting:
-            raise Diverged(f"{_spoken(asked)}, but the record of this case has ended")
+            raise Diverged(f"{_described(asked)}, but the record of this case has ended")
         found = waiting.pop(0)
         if _key(found) != _key(asked):
-            raise Diverged(f"{_spoken(asked)}, but the record holds {_spoken(found)}")
+            raise Diverged(f"{_described(asked)}, but the record holds {_described(found)}")
         return found
 
     def rest(self, case: str) -> str:
-        """Return what the record of a case continues with, empty if it has ended, too."""
+        """Return the next effect in the record of a case, in words; empty if the record has ended, too."""
         waiting = self._effects.get(case, [])
-        return _spoken(waiting[0]) if waiting else ""
+        return _described(waiting[0]) if waiting else ""
 
     def answers(self, effect: events.Effect) -> bool:
-        """Return whether the record answers in place of the world; nobody answered where it was declined."""
+        """Return whether the record answers in place of the world; it does not if the question was declined."""
         return effect.effect in self._answered and not effect.raised
 
 
 class Effects:
-    """Performs effects, numbers them, and writes them down with arguments and result.
+    """Performs and numbers effects, and records them with arguments and result.
 
     Args:
         journal: where events are written.
-        where: returns case and step.
+        where: the present case and step.
         recall: the record that this run has to agree with, or None.
-        undisturbed: keeps requests to stop waiting while an effect is performed.
+        undisturbed: defers requests to stop while an effect is performed.
 
     Attributes:
-        undisturbed: as given, for a wait that is no effect of its own.
-        diverged: the first disagreement with the record, also where the case let it through.
+        undisturbed: as given, for a wait that is not an effect of its own.
+        diverged: the first disagreement with the record, even if the case suppressed it.
     """
 
     def __init__(
@@ -112,10 +112,10 @@ class Effects:
             arguments: JSON values.
             action: does it.
 
-        What the action raises is written down in place of a result, and goes on to the case.
+        What the action raises is recorded in place of a result, and passed on to the case.
 
         Raises:
-            Diverged: if a record is to be agreed with, and does not.
+            Diverged: if there is a record, and it does not match.
         """
         with self.undisturbed():
             try:
@@ -126,7 +126,7 @@ class Effects:
 
     @contextmanager
     def learning(self) -> Iterator[list[Provenance]]:
-        """Yield a list that grows by where each reading in the block came from."""
+        """Yield a list to which the provenance of each reading in the block is added."""
         learnt: list[Provenance] = []
         self._learning.append(learnt)
         try:
@@ -135,7 +135,7 @@ class Effects:
             self._learning.pop()
 
     def learnt(self, provenance: Provenance) -> None:
-        """Note where a reading came from, for those who want to know."""
+        """Add the provenance of a reading to the open `learning` blocks."""
         for each in self._learning:
             if provenance not in each:
                 each.append(provenance)
@@ -179,13 +179,13 @@ class Effects:
         told: object,
         error: BaseException | None = None,
     ) -> None:
-        """Compare how an effect ended with the record, and write it down."""
+        """Compare how an effect ended with the record, and write it to the journal."""
         raised = "" if error is None else type(error).__name__
         if recorded is not None and (told, raised) != (recorded.result, recorded.raised):
             held = recorded.raised or recorded.result
-            raise Diverged(f"{_spoken(asked)} gave {raised or told}, but the record holds {held}")
+            raise Diverged(f"{_described(asked)} gave {raised or told}, but the record holds {held}")
         said = ("", "")
-        if asked.effect == "asks" and isinstance(error, HilError):  # all others come again by themselves
+        if asked.effect == "asks" and isinstance(error, HilError):  # all others recur by themselves
             said = (error.message, error.hint)
         self._journal.write(msgspec.structs.replace(asked, result=told, raised=raised, why=said[0], hint=said[1]))
 
@@ -195,10 +195,10 @@ def _arguments(arguments: Mapping[str, object]) -> dict[str, object]:
 
 
 def _key(effect: events.Effect) -> tuple[object, ...]:
-    """Return what has to be the same in every run of the same case."""
+    """Return what must be the same in every run of the same case."""
     return effect.case, effect.step, effect.name, effect.ordinal, effect.effect, effect.arguments
 
 
-def _spoken(effect: events.Effect) -> str:
+def _described(effect: events.Effect) -> str:
     where = f"{effect.case}, step {effect.step or 'none'}"
     return f"{where}: {effect.name} (no. {effect.ordinal}) with {effect.arguments}"

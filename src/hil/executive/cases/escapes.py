@@ -1,4 +1,4 @@
-"""What a case lets escape: threads and copies of the process that outlive it, what is raised in them, faked clocks."""
+"""Escapes from a case: threads and forked processes that outlive it, exceptions raised in them, faked clocks."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from hil.model.errors import HilError
 __all__ = ["Escaped", "Escapes", "OfThisProcess"]
 
 _GRACE_S = 0.2
-"""A thread or a copy that is just ending may take so long."""
+"""Grace period for a thread or a forked process that is just ending."""
 
 _MOST = 1 << 16
 _HINT = "call roles, record, check and step where the case runs; compute elsewhere"
@@ -30,16 +30,16 @@ _present: list[StopFlags] = []
 
 
 class Escaped(HilError):
-    """Something of a case goes on after its end, hid how its threads ended, or gave the process another time."""
+    """Something of a case outlived it, hid how its threads ended, or replaced a clock of the process."""
 
 
 class OfThisProcess:
-    """What a case is given, and can be given to no other process: it cannot be pickled."""
+    """Base of what a case is given and must not pass to another process: it cannot be pickled."""
 
     said: ClassVar[str] = "what belongs to the case"
 
     def __reduce_ex__(self, _protocol: SupportsIndex) -> NoReturn:
-        """Turn away, also where nobody looks at what the other process was to do.
+        """Refuse, even if the result of the other process is ignored.
 
         Raises:
             Astray: always.
@@ -51,10 +51,10 @@ class OfThisProcess:
 
 
 class Escapes:
-    """Looks after the threads and the forked copies of one case, from before its set-up to after its teardown.
+    """Watches the threads and forked processes of one case, from before its set-up to after its teardown.
 
     Args:
-        flags: turn away whatever drives the bench or writes evidence from there.
+        flags: refuse any access to bench or evidence from there.
         workspace: where the case's code is.
     """
 
@@ -65,7 +65,7 @@ class Escapes:
         self._reader = self._writer = -1
 
     def begin(self) -> None:
-        """Begin to look."""
+        """Begin to watch."""
         self._faked = dict.fromkeys(wall.replaced())
         self._before = frozenset(sys._current_frames())  # noqa: SLF001 - the only list of threads that has all of them
         self._hooks = threading.excepthook, sys.unraisablehook
@@ -88,7 +88,7 @@ class Escapes:
         return found
 
     def hear(self, tell: Tell) -> None:
-        """Tell what has been raised in threads and tried in copies since this was asked last."""
+        """Report what has been raised in threads and attempted in forked processes since the last call."""
         self._faked.update(dict.fromkeys(wall.replaced()))
         if self._reader >= 0:
             self._all_gone()
@@ -97,7 +97,7 @@ class Escapes:
             tell(error, self.place_of(error))
 
     def end(self, tell: Tell) -> None:
-        """Tell what has escaped, and look after it no longer; ended again, tell nothing."""
+        """Report what has escaped, and stop watching; a second call reports nothing."""
         if self._flags not in _present:
             return
         _present.remove(self._flags)
@@ -114,13 +114,13 @@ class Escapes:
             self._reader = -1
 
     def _of_thread(self, args: threading.ExceptHookArgs) -> None:
-        """Be the hook for what ends a thread; what was turned away is noted where that was done."""
+        """Hook for what ends a thread; a refused access is noted where it was refused."""
         old = args.thread is not None and args.thread.ident in self._before
         if not old and args.exc_value is not None and not isinstance(args.exc_value, Astray | SystemExit):
             self._raised.append(args.exc_value)
 
     def _of_start(self, unraisable: sys.UnraisableHookArgs) -> None:
-        """Be the hook for what ends a thread that was started without an object of its own."""
+        """Hook for what ends a thread that was started without a Thread object."""
         of_thread = "thread started by" in (unraisable.err_msg or "")
         if not of_thread:
             self._hooks[1](unraisable)
@@ -128,7 +128,7 @@ class Escapes:
             self._raised.append(unraisable.exc_value)
 
     def _replaced(self) -> list[Escaped]:
-        """Put the hooks back, and tell which of them the case had replaced."""
+        """Restore the hooks, and return which of them the case had replaced."""
         names = ("threading.excepthook", "sys.unraisablehook")
         found = [
             Escaped(f"the case replaced {name}, so that nobody saw what ended its threads", f"leave {name} as it is")
@@ -146,9 +146,9 @@ class Escapes:
         return [Escaped(f"the case ran with replaced clocks: {', '.join(self._faked)}", hint)]
 
     def _left_threads(self) -> list[Escaped]:
-        """Return the threads that the case began and that are alive still."""
+        """Return the threads that the case started and that are still alive."""
         until = wall.monotonic() + _GRACE_S
-        wall.pause(0.0)  # one that was just started has no number of its own before it runs
+        wall.pause(0.0)  # a thread just started has no id before it runs
         while left := self._begun():
             if wall.monotonic() >= until:
                 break
@@ -161,7 +161,7 @@ class Escapes:
         return sorted({*sys._current_frames()} - self._before)  # noqa: SLF001 - as above
 
     def _left_copies(self) -> list[Escaped]:
-        """Return whether a copy of the process lives still: it has the other end of the pipe open."""
+        """Return whether a forked process is still alive: it has the other end of the pipe open."""
         until = wall.monotonic() + _GRACE_S
         while not self._all_gone():
             if wall.monotonic() >= until:
@@ -170,10 +170,10 @@ class Escapes:
         return []
 
     def _all_gone(self) -> bool:
-        """Keep what copies told, and return whether none is left that could."""
+        """Keep what forked processes reported, and return whether none is left."""
         try:
-            told = os.read(self._reader, _MOST)
+            report = os.read(self._reader, _MOST)
         except BlockingIOError:
             return False
-        self._raised += [Astray(line, _HINT) for line in dict.fromkeys(told.decode().splitlines())]
-        return not told
+        self._raised += [Astray(line, _HINT) for line in dict.fromkeys(report.decode().splitlines())]
+        return not report

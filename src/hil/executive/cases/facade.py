@@ -23,7 +23,7 @@ from hil.model.provenance import Provenance, stamped
 __all__ = ["Facade", "RoleSet", "UsingCase", "facades"]
 
 _NOT_DONE = (ClampExceeded, Misused, Refused)
-"""What is raised in place of an operation that is not begun."""
+"""Errors raised instead of beginning an operation."""
 
 _Result = TypeVar("_Result")
 
@@ -32,7 +32,7 @@ class UsingCase(Protocol):
     """The case that holds a façade."""
 
     def point(self) -> None:
-        """Be a scheduling point."""
+        """Pass a scheduling point."""
         ...
 
     def uses(self, instrument: InstrumentSpec) -> None:
@@ -40,11 +40,11 @@ class UsingCase(Protocol):
         ...
 
     def fault(self, instrument: InstrumentSpec, fault: DeviceFault) -> None:
-        """Note silence or nonsense, before the case learns of it."""
+        """Note silence or nonsense of a device, before the case learns of it."""
         ...
 
     def refused(self, error: HilError) -> None:
-        """Note what the case asked for and was not done, before it learns of it."""
+        """Note a refused request, before the case learns of it."""
         ...
 
 
@@ -52,15 +52,15 @@ class Facade(OfThisProcess):
     """One role instance as a case sees it.
 
     Every operation of the role is a scheduling point and an effect; readings carry the uncertainty of the instrument's
-    certificate, and all that is returned its provenance, also where it comes from a journal.
+    certificate, and every result carries its provenance, even if it comes from a journal.
 
     Args:
         wire: the role instance.
         instrument: the instrument behind it.
         role: the driver's object.
-        effects: where operations are performed and noted.
+        effects: where operations are performed and recorded.
         case: the case that holds it.
-        instruments: every instrument of the bench by name: what fails may be one on the way to this one.
+        instruments: every instrument of the bench by name: the one that fails may be on the way to this one.
     """
 
     said = "a role"
@@ -97,7 +97,7 @@ class Facade(OfThisProcess):
         if name not in operations:
             hint = did_you_mean(name, operations)
             raise AttributeError(f"{self.__dict__['wire'].name} has no operation '{name}'{hint}")
-        bound = self.__dict__[name] = self._bound(operations[name])  # a case asks for it again and again
+        bound = self.__dict__[name] = self._bound(operations[name])  # cached: a case uses it again and again
         return bound
 
     def __setattr__(self, name: str, value: object) -> None:
@@ -107,33 +107,33 @@ class Facade(OfThisProcess):
         return f"<{self.wire.name} on {self.instrument.name}>"
 
     def serves(self, effects: Effects) -> bool:
-        """Return whether this is a role of the case that has these effects."""
+        """Return whether this is a role of the case with these effects."""
         return self._effects is effects
 
     @cached_property
     def sampled(self) -> Sampled:
         """The role as `record` samples it; samples go to the recording, not into effects."""
         if hasattr(self._role, "sample"):
-            return self._role  # type: ignore[return-value]  # the attribute was looked at
+            return self._role  # type: ignore[return-value]  # the attribute was checked
         if not ROLES[self.wire.role].quantities:
             raise TypeError(f"{self.wire.name} has no channels that could be recorded")
         return ReadBacks(ROLES[self.wire.role], self._role)
 
     @property
     def streamed(self) -> Streamed | None:
-        """The role as `record` lets it run by itself, None if it cannot."""
+        """The role as `record` streams from it, None if it cannot stream."""
         able = hasattr(self._role, "drain") and getattr(self._role, "streams", True)
-        return self._role if able else None  # type: ignore[return-value]  # the attributes were looked at
+        return self._role if able else None  # type: ignore[return-value]  # the attributes were checked
 
     @property
     def alone(self) -> bool:
-        """Whether `record` must let it run by itself."""
+        """Whether `record` must stream from it on its own."""
         return self.streamed is not None and not getattr(self._role, "can_be_asked", False)
 
     @property
     def captured(self) -> Captured | None:
-        """The role as `record.capture` reads it, None if it captures nothing by itself."""
-        return self._role if hasattr(self._role, "blocks") else None  # type: ignore[return-value]  # it was looked at
+        """The role as `record.capture` reads it, None if it cannot capture."""
+        return self._role if hasattr(self._role, "blocks") else None  # type: ignore[return-value]  # it was checked
 
     def sample(self) -> tuple[float, ...]:
         """Take one sample; a fault is reported before it is raised."""
@@ -167,7 +167,7 @@ class Facade(OfThisProcess):
         return calibrated(result, self.instrument.calibration) if isinstance(result, Figure) else result
 
     def _traced(self, what: str, result: object) -> object:
-        """Return what an operation gave with its provenance."""
+        """Return the result of an operation with its provenance."""
         figures = [each for each in (result if isinstance(result, tuple) else (result,)) if isinstance(each, Figure)]
         missing = [sentence for each in figures for sentence in uncovered(self.instrument, each.unit, each.value)]
         provenance = Provenance(
@@ -177,7 +177,7 @@ class Facade(OfThisProcess):
         return stamped(result, provenance)
 
     def guarded(self, action: Callable[[], _Result]) -> _Result:
-        """Do something with the role; a fault is reported before it is raised, and counts for the device it names."""
+        """Perform an action on the role; a fault is reported before it is raised, against the device it names."""
         self._case.uses(self.instrument)
         try:
             return action()
@@ -187,7 +187,7 @@ class Facade(OfThisProcess):
 
 
 def _require_numbers(what: str, operation: Operation, arguments: Mapping[str, object]) -> None:
-    """Refuse what is not a number where the role requires one; a flag would pass for 0 or 1."""
+    """Refuse what is not a number where the role requires one; a bool would pass for 0 or 1."""
     for name, value in arguments.items():
         argument = operation.arguments[name]
         if argument.whole and (isinstance(value, bool) or not isinstance(value, int)):
@@ -229,7 +229,7 @@ def facades(
     Args:
         spec: the bench file.
         roles: the drivers' objects by dotted name.
-        effects: where operations are performed and noted.
+        effects: where operations are performed and recorded.
         case: the case.
     """
     by_role: dict[str, dict[str, Facade]] = {}

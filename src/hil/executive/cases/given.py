@@ -1,4 +1,4 @@
-"""What a case gives to a check: a figure, a word, or a bare number where no unit is due."""
+"""Values that a case passes to a check: a figure, a word, or a bare number where no unit is needed."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ __all__ = ["given"]
 
 
 def given(value: object, limit: Limit, what: str) -> Figure | str:
-    """Return a figure or a word of plain Python types, so that what is judged is what is written down.
+    """Return a figure or a word of plain Python types, so that what is judged is what is recorded.
 
-    NumPy's numbers become floats: a float32 would be judged by other digits than those of the journal.
+    NumPy numbers become floats: a float32 would be judged by digits other than those in the journal.
 
     Args:
-        value: what the case gave.
-        limit: what the value is compared with.
+        value: what the case passed.
+        limit: the limit that the value is compared with.
         what: requirement and parameter, for messages.
 
     Raises:
-        Misused: for a text or a bare number in place of a figure with a unit, and for whatever is neither.
+        Misused: for a text or a bare number instead of a figure with a unit, and for anything else.
     """
     if isinstance(value, Figure):
         return _figure(value, what)
@@ -75,12 +75,12 @@ def _number(value: object, what: str) -> float:
 
 
 def _is_number(value: object) -> TypeGuard[Real]:
-    """Return whether this is one real number; Python's flag only looks like one, and NumPy's not even that."""
+    """Return whether this is one real number; Python's bool only looks like one, and NumPy's does not even do that."""
     return type(value) is float or (not isinstance(value, bool) and isinstance(value, Real))
 
 
 def _named(value: object) -> str:
-    """Return what something is, on one line and without its place in memory."""
+    """Return what something is, on one line and without its memory address."""
     shape = getattr(value, "shape", ())
     kind = f"{type(value).__name__} of shape {shape}" if shape else type(value).__name__
     return f"{value!r} ({kind})" if isinstance(value, bool | bytes | complex | str | type(None)) else f"a {kind}"

@@ -33,7 +33,7 @@ class Attached:
     """A file that a person gave.
 
     Attributes:
-        name: the name that it had.
+        name: its original name.
         file: its name in `data/attachments` of the package.
         type: `pdf`, `png`, `jpeg`, `step`, `csv` or `text`.
         size: its size in bytes.
@@ -51,7 +51,7 @@ class Attached:
 
     @classmethod
     def of(cls, told: object, shelf: Shelf) -> Attached:
-        """Return what an effect tells of a file."""
+        """Return the file that an effect's result describes."""
         facts = cast("Mapping[str, str]", told)
         return cls(
             name=facts["given"],
@@ -64,10 +64,10 @@ class Attached:
         )
 
     def content(self) -> bytes:
-        """Return the file's content, in a replay that of the package.
+        """Return the file's content, in a replay from the package.
 
         Raises:
-            Unfit: if it is no longer what was given.
+            Unfit: if it has changed since it was given.
         """
         return self._shelf.content(self.file, self.sha256)
 
@@ -76,7 +76,7 @@ class Attached:
 
         Raises:
             Misused: for a file of another kind.
-            Unfit: as of `content`.
+            Unfit: as in `content`.
         """
         if self.type not in {"csv", "text"}:
             raise Misused(f"{self.name} is no text", "ask for one with accepts=('csv', 'text'), or use content()")
@@ -88,15 +88,15 @@ class Operator(OfThisProcess):
 
     Args:
         source: who answers.
-        effects: where answers are noted and, in a replay, come from.
-        where: returns case and step.
+        effects: where answers are recorded and, in a replay, come from.
+        where: the present case and step.
         journal: where events are written.
-        shelf: where the files lie that a person gives.
+        shelf: keeps the files that a person gives.
         hand: what a person has at hand.
 
     Attributes:
-        refused: why calls were refused, in order: a number that was not asked for is an error, whatever the case
-            makes of it.
+        refused: why calls were refused, in order: a measurement that was not asked for is an error, whatever the case
+            does with it.
     """
 
     said = "`operator`"
@@ -124,11 +124,11 @@ class Operator(OfThisProcess):
         Args:
             text: what the person reads.
             name: the question's name.
-            safety: whether somebody's safety hangs on it. On hardware, and on a served bench, no file answers it: a
-                person does, live and by name, and again whenever the bench is armed again.
+            safety: whether somebody's safety depends on it. On hardware, and on a served bench, no file answers it: a
+                person does, live and by name, and again whenever the bench is rearmed.
             witness: who has to be present, by role or name, and confirms the answer by name: a person other than the
                 operator.
-            picture: what the person is shown: the path of a PNG or JPEG in the plan's folder.
+            picture: the picture to show: the path of a PNG or JPEG in the plan's folder.
 
         Raises:
             Declined: if it is not given.
@@ -138,18 +138,18 @@ class Operator(OfThisProcess):
             raise Declined(f"'{text}' was not confirmed")
 
     def witness(self, who: str, text: str, *, name: str, picture: str = "") -> None:
-        """Go on only once somebody saw it: the operator confirms, and then the witness does, by name.
+        """Continue only once it was witnessed: the operator confirms, and then the witness does, by name.
 
         Args:
-            who: who has to be present, by role or name, as of `witness` of `confirm`; `"somebody"` for anybody but the
+            who: who has to be present, by role or name, as `witness` in `confirm`; `"somebody"` for anybody but the
                 operator.
             text: what both confirm.
             name: the question's name.
-            picture: as of `confirm`.
+            picture: as in `confirm`.
 
         Raises:
-            Declined: if it is not confirmed by both.
-            Misused: if nobody is named.
+            Declined: unless both confirm it.
+            Misused: if no witness is named.
         """
         if not who.strip():
             error = Misused(f"'{name}' names nobody as its witness", 'name a role or a person, or "somebody"')
@@ -158,7 +158,7 @@ class Operator(OfThisProcess):
         self.confirm(text, name=name, witness=who, picture=picture)
 
     def choose(self, text: str, options: Sequence[str], *, name: str, witness: str = "", picture: str = "") -> str:
-        """Ask for one of the options and return it; `witness` and `picture` as of `confirm`."""
+        """Ask for one of the options and return it; `witness` and `picture` as in `confirm`."""
         question = Question(name=name, form="choose", text=text, options=tuple(options), witness=witness)
         chosen = str(self._ask(question, picture))
         return Word(chosen, Provenance(sources=(answer_to(name),)))
@@ -180,15 +180,15 @@ class Operator(OfThisProcess):
             text: what the person reads.
             unit: the unit of the number.
             name: the question's name.
-            uncertainty: its standard uncertainty, if known; that of the instrument's certificate where it is left out.
-            instrument: the name of what is read in the register of instruments; the figure then comes from it.
-                Write it as a text in the call, so that its certificate is known before the run.
-            witness: as of `confirm`.
-            picture: as of `confirm`.
+            uncertainty: its standard uncertainty, if known; by default that of the instrument's certificate.
+            instrument: the instrument that is read, by its name in the register; the figure then comes from it.
+                Write it as a literal in the call, so that its certificate is known before the run.
+            witness: as in `confirm`.
+            picture: as in `confirm`.
 
         Raises:
-            Declined: for an answer that is no number.
-            Misused: if the instrument is none that plans and fixtures name.
+            Declined: for an answer that is not a number.
+            Misused: if the instrument is not one that plans and fixtures name.
         """
         read = None if instrument is None else self._read(instrument)
         shown = text if read is None else f"{text} (with {read.label})"
@@ -220,12 +220,12 @@ class Operator(OfThisProcess):
         """Ask the person to connect `what` to the bench, and wait until that is confirmed.
 
         Args:
-            what: the thing, one of `options` where they are given.
+            what: the thing to connect, one of `options` if they are given.
             text: what the person reads.
             name: the question's name.
-            options: everything that could be connected there.
-            witness: as of `confirm`.
-            picture: as of `confirm`.
+            options: everything that could be connected.
+            witness: as in `confirm`.
+            picture: as in `confirm`.
 
         Raises:
             Declined: if something else is connected.
@@ -259,26 +259,26 @@ class Operator(OfThisProcess):
     ) -> Attached | None:
         """Ask for a file: a picture, a certificate, a drawing, a table. It becomes part of the evidence.
 
-        The file is copied into the package under a name of the run's own, and its kind, size and hash are written
-        down with who gave it.
+        The file is copied into the package under a name of the run's own, and its kind, size and hash are recorded
+        with who gave it.
 
         Args:
             text: what the person reads.
-            connects: in plans of older packages what the person reads; `text` is then what is to be connected, as of
+            connects: in plans of older packages what the person reads; `text` is then what is to be connected, as in
                 `connect`.
             name: the question's name.
-            accepts: the kinds that are taken: `pdf`, `png`, `jpeg`, `step`, `csv` and `text`, or `picture` for PNG
-                and JPEG; all if none is named. The content says what a file is, not its name; only a table is told
-                from text by its name.
-            witness: as of `confirm`.
-            picture: as of `confirm`.
-            options: as of `connect`, in plans of older packages.
+            accepts: the accepted kinds: `pdf`, `png`, `jpeg`, `step`, `csv` and `text`, or `picture` for PNG
+                and JPEG; all if none is named. The content decides what a file is, not its name; only a table is
+                distinguished from text by its name.
+            witness: as in `confirm`.
+            picture: as in `confirm`.
+            options: as in `connect`, in plans of older packages.
 
         Raises:
             Declined: if nobody gives one.
-            Unfit: if the file is missing, no regular file, empty, too large, damaged or of another kind, or changes
-                while it is copied.
-            Misused: for a kind that is not taken.
+            Unfit: if the file is missing, not a regular file, empty, too large, damaged or of another kind, or
+                changes while it is copied.
+            Misused: for a kind that cannot be accepted.
         """
         if connects is not None:
             listed = (text, *(each for each in options if each != text))
@@ -324,7 +324,7 @@ class Operator(OfThisProcess):
         if problem := witness_problem(question, answer.by, answer.witness):
             raise Declined(problem, "a witness is named, and is not who answers")
         kept = self._kept(question, answer)
-        told = events.Answer(
+        event = events.Answer(
             case=case,
             step=step,
             name=question.name,
@@ -333,11 +333,11 @@ class Operator(OfThisProcess):
             file=kept,
             witness=answer.witness,
         )
-        self._journal.write(told)
+        self._journal.write(event)
         return answer.value if kept is None else {**msgspec.structs.asdict(kept), "by": answer.by}
 
     def _kept(self, question: Question, answer: Answer) -> events.GivenFile | None:
-        """Return the file of an answer, which the run has taken by then."""
+        """Take the file of an answer into the run, and return it."""
         if question.form != FILE or answer.file is not None:
             return answer.file
         if answer.path is None:
@@ -347,7 +347,7 @@ class Operator(OfThisProcess):
 
 
 def _calibrated(figure: Figure, spec: InstrumentSpec, name: str) -> Figure:
-    """Return what was read off an instrument, with its certificate's uncertainty and its provenance."""
+    """Return a figure read off an instrument, with its certificate's uncertainty and its provenance."""
     own = standard_uncertainty(spec.calibration, figure.unit, figure.value)
     given = figure.uncertainty
     small = given is not None and own is not None and given < own

@@ -1,4 +1,4 @@
-"""`record`: named channels over time, on the disk while they grow."""
+"""`record`: named channels over time, on disk while they grow."""
 
 from __future__ import annotations
 
@@ -48,10 +48,10 @@ class Recorder(OfThisProcess):
     Args:
         steps: knows case and step.
         scheduler: lets bench time pass between samples.
-        effects: where a recording is noted as an effect.
+        effects: where a recording is recorded as an effect.
         store: opens row files.
         source: where the bench's bytes come from.
-        asked: the requirements of the case, which may ask for recordings.
+        asked: the case's requirements, which may ask for recordings.
     """
 
     said = "`record`"
@@ -82,15 +82,15 @@ class Recorder(OfThisProcess):
     def __call__(self, name: str, *sources: Facade, duration: float, rate: float, continues: bool = False) -> Recording:
         """Sample roles at `rate` [Hz] for `duration` [s] of bench time.
 
-        Sample k is taken at k / rate after the first, whatever the samples before it took. Channels have the names of
-        one role; of several `role.channel`. A role that samples by itself is streamed, in the times of its own clock.
+        Sample k is taken at k / rate after the first, however long earlier samples took. Channels have their names in
+        the role, with several roles `role.channel`. A role that samples by itself is streamed, timed by its own clock.
 
-        A run that was stopped in this recording makes it again from its beginning. One that `continues` continues in it
-        instead, after a gap, until the samples from before and after together last as long.
+        A run that was stopped during this recording repeats it from its beginning. If it `continues`, the run continues
+        it instead, after a gap, until the samples before and after together cover the duration.
 
         Raises:
             ValueError: for no role, or a duration or rate that is not above zero.
-            Misused: for something that is not a role of this case, or a streamed role beside another.
+            Misused: for something that is not a role of this case, or a streamed role together with another.
             DeviceFault: if a device falls silent; what was recorded is kept as incomplete.
         """
         self._require(name, sources, duration > 0 and math.isfinite(duration * rate), rate)
@@ -112,13 +112,13 @@ class Recorder(OfThisProcess):
     def during(self, name: str, *sources: Facade, rate: float) -> During:
         """Record roles at `rate` [Hz] beside what the case does in a `with` block.
 
-        A role that can sample by itself is streamed; others are sampled k / rate after the beginning, where the case
-        lets time pass, and a sample that was missed because it did not is a gap.
+        A role that can sample by itself is streamed; others are sampled k / rate after the beginning whenever the case
+        lets time pass, and a sample missed because it did not is a gap.
 
         Raises:
             ValueError: for no role, or a rate that is not above zero.
-            Misused: as above, and for a role that is recorded already; on entering, where rate, gap and maximum ages
-                of limits cannot all hold.
+            Misused: as above, and for a role that is being recorded already; on entering, if rate, gap and maximum ages
+                of limits cannot all be met.
         """
         self._require(name, sources, True, rate)
         facts = self._facts(name, sources, rate, None)
@@ -136,20 +136,20 @@ class Recorder(OfThisProcess):
         return During(taking, self._effects, self._scheduler, self)
 
     def capture(self, name: str, source: Facade, *, within: float) -> Recording:
-        """Wait until the trigger of an armed oscilloscope has come, and record what it captured.
+        """Wait for the trigger of an armed oscilloscope, and record what it captured.
 
-        The times of the rows count from the trigger, in s. A channel whose samples reach an end of the screen judges
-        nothing: a check of it is INCONCLUSIVE.
+        The times of the rows count from the trigger, in s. A channel whose samples reach an edge of the screen is
+        clipped, and a check of it is INCONCLUSIVE.
 
         Args:
             name: of the recording.
-            source: the role, armed before.
+            source: the role, already armed.
             within: how long to wait for the trigger, and for the samples after it [s].
 
         Raises:
-            NotTriggered: it did not come in time; where a case lets that through, what it did not check is
+            NotTriggered: it did not come in time; if a case suppresses that, what it did not check is
                 INCONCLUSIVE.
-            Misused: for something that is not a role of this case, or captures nothing.
+            Misused: for something that is not a role of this case, or cannot capture.
             DeviceFault: the instrument falls silent; what was read is kept as incomplete.
         """
         self._require(name, (source,), within > 0, 1.0)
@@ -165,7 +165,7 @@ class Recorder(OfThisProcess):
         return self._finished(capturing.facts, (source,), None)
 
     def keep(self, taking: Taking) -> Recording:
-        """Keep a recording that is whole, for the requirements that ask for it, and return it."""
+        """Keep a complete recording for the requirements that ask for it, and return it."""
         turns = taking.turns
         if isinstance(turns, SampledTurns):
             disturbance = Disturbance(turns.course, dut=_of_dut(taking.sources))
@@ -174,7 +174,7 @@ class Recorder(OfThisProcess):
         return self._finished(taking.facts, taking.sources, taking.report, disturbance)
 
     def close(self) -> None:
-        """End what a case left running, as incomplete."""
+        """End recordings that a case left running, as incomplete."""
         for taking in self._beside:
             taking.end(complete=False)
         self._beside.clear()
@@ -198,8 +198,8 @@ class Recorder(OfThisProcess):
         channels = _channels(sources)
         for channel in channels:
             if problem := name_problem(channel.name):
-                told = f"record '{name}': channel {channel.name!r} of {channel.instrument}: {problem}"
-                raise Misused(told, "its driver has to give it another name")
+                clash = f"record '{name}': channel {channel.name!r} of {channel.instrument}: {problem}"
+                raise Misused(clash, "its driver has to give it another name")
         return events.Recording(
             recording=f"{self._store.next_number():03d}-{file_part(self._steps.case)}-{file_part(name)}",
             name=name,
@@ -212,7 +212,7 @@ class Recorder(OfThisProcess):
         )
 
     def _captured_facts(self, name: str, source: Facade, frame: Frame) -> events.Recording:
-        """Return what is known of a capture before its first row."""
+        """Return the facts of a capture before its first row."""
         facts = self._facts(name, (source,), 1 / frame.interval, frame.rows * frame.interval)
         screens = [{key: getattr(each, key) for key in _OF_SCREEN} for each in frame.screens]
         channels = [
@@ -224,7 +224,7 @@ class Recorder(OfThisProcess):
         return msgspec.structs.replace(facts, channels=tuple(channels), capture=capture)
 
     def _require_own(self, name: str, source: object) -> None:
-        """Refuse what is not a role of this case, or is recorded already: its numbers would come from nowhere."""
+        """Refuse what is not a role of this case, or is being recorded already: its numbers would have no source."""
         if isinstance(source, RoleSet):
             raise Misused(f"record '{name}': {source!r} is a set of roles", "name one, as in supply.coil")
         if not isinstance(source, Facade) or not source.serves(self._effects):
@@ -236,7 +236,7 @@ class Recorder(OfThisProcess):
             )
 
     def _stream(self, taking: Taking, turns: StreamTurns) -> str | Mapping[str, object]:
-        """Let a role run by itself until its rows cover the duration; return their hash, and how it went."""
+        """Stream from a role until its rows cover the duration; return their hash, and the stream's statistics."""
         taking.begin()
         turns.have(taking.covers_s)
         try:
@@ -255,7 +255,7 @@ class Recorder(OfThisProcess):
         recording = self._store.begin(facts)
         complete, feed, done = False, None, recording.rows.rows
         try:
-            if done:  # the run was stopped in it, and the bench armed again
+            if done:  # the run was stopped during it, and the bench rearmed
                 share = scheduler.share(replace(share.pace, count=max(1, count - done)), fed)
             feed = scheduler.feed(fed, 1 / facts.rate, facts.recording) if fed else None
             bus.shares.append(share)
@@ -284,10 +284,10 @@ class Recorder(OfThisProcess):
     def _share(self, facts: events.Recording, sources: tuple[Facade, ...], count: int | None, fed: Fed) -> Share:
         """Return what a recording leaves of the bus for the limits that it does not feed.
 
-        One that was never taken is believed to need half of its period for a sample.
+        One that was never taken is assumed to need half of its period for a sample.
 
         Raises:
-            Misused: a requirement asks for it, and rate, gap and maximum ages cannot all hold.
+            Misused: a requirement asks for it, and rate, gap and maximum ages cannot all be met.
         """
         scheduler, source, period_ns = self._scheduler, _named(sources), round(NANOSECONDS / facts.rate)
         sample_ns = scheduler.monitoring.bus.sample_ns(source)
@@ -306,10 +306,10 @@ class Recorder(OfThisProcess):
         return share
 
     def _require_room(self, sources: tuple[Facade, ...], pace: Pace, fed: Fed) -> None:
-        """Refuse a recording that a requirement asks for, and in which rate, gap and maximum ages cannot all hold.
+        """Refuse a recording required by a requirement if rate, gap and maximum ages cannot all be met.
 
         A device under test that takes too long for its samples is not refused, but judged. A record of a run that
-        refused none is replayed as it was.
+        did not refuse one is replayed as it was.
         """
         timeline, of_own = self._scheduler.timeline, pace.pause_ns <= 0 and _of_dut(sources)
         if not pace.required or of_own or not (timeline.all_share if pace.skips else timeline.shared):
@@ -358,7 +358,7 @@ def _channels(sources: tuple[Facade, ...]) -> tuple[events.Channel, ...]:
 
 
 def _streamed(sources: Sequence[Facade]) -> Streamed | None:
-    """Return the role that runs by itself, None where roles are asked for samples."""
+    """Return the role that streams, None if roles are sampled."""
     return sources[0].streamed if len(sources) == 1 else None
 
 
@@ -376,7 +376,7 @@ _OF_SCREEN = ("probe", "resolution", "low", "high")
 def _known(
     facts: events.Recording, recorded: Recorded, sources: tuple[Facade, ...]
 ) -> tuple[dict[str, float | None], dict[str, Provenance]]:
-    """Return by channel what the certificates say at its largest reading, the least certain one, and its provenance."""
+    """Return, by channel, the certified uncertainty of its largest, least certain reading, and its provenance."""
     instruments = {source.instrument.name: source.instrument for source in sources}
     uncertainties, provenances, doubted = {}, {}, clipped(facts, recorded)
     for channel in facts.channels:
@@ -394,7 +394,7 @@ def _known(
 
 
 def _ends(numbers: NDArray[np.float64]) -> tuple[float, float]:
-    """Return the least and the greatest number, 0 if there is none."""
-    known = numbers == numbers  # noqa: PLR0124 - NaN is what differs from itself
+    """Return the lowest and the highest value, 0 if there is none."""
+    known = numbers == numbers  # noqa: PLR0124 - only NaN differs from itself
     finite = numbers if known.all() else numbers[known]
     return (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 0.0)

@@ -1,4 +1,4 @@
-"""A finished recording: as a case sees it, and what it has to be where a requirement asks for one."""
+"""A finished recording: as a case sees it, and the criteria it must meet if a requirement asks for it."""
 
 from __future__ import annotations
 
@@ -39,8 +39,8 @@ class Recording:
     Attributes:
         id: its id in the run.
         rate: nominal samples per second.
-        stream: how the stream went, None if the samples were taken one by one.
-        capture: what an instrument captured by itself, around its trigger; None for any other recording.
+        stream: the stream's statistics, None if the samples were taken one by one.
+        capture: how an instrument captured it, around its trigger; None for any other recording.
         provenance: of all channels together; each channel has its own.
     """
 
@@ -67,12 +67,12 @@ class Recording:
 
     @property
     def time(self) -> NDArray[np.float64]:
-        """Bench time of every sample in s, of a capture the time after its trigger, shape (samples,); read-only."""
+        """Bench time of every sample in s, for a capture the time after its trigger, shape (samples,); read-only."""
         return _known(_read_only(self._recorded.time), self._times)
 
     @property
     def valid(self) -> NDArray[np.bool_]:
-        """Which samples stand, shape (samples,): not those of a part that was made again after the run was stopped."""
+        """Which samples stand, shape (samples,): not those of a part that was repeated after the run was stopped."""
         import numpy as np  # noqa: PLC0415 - slow to import
 
         stands = np.ones(len(self), dtype=bool)
@@ -81,14 +81,14 @@ class Recording:
         return stands
 
     def __getitem__(self, channel: str) -> NDArray[np.float64]:
-        """Return one channel, shape (samples,); it cannot be written to, copy it to work on it."""
+        """Return one channel, shape (samples,), read-only; copy it to modify it."""
         return _known(_read_only(self._recorded[channel]), self._provenances[channel])
 
     def __len__(self) -> int:
         return len(self._recorded)
 
     def part(self, first: int, end: int) -> dict[str, NDArray[np.float64]]:
-        """Return `time` and every channel of the samples from `first` to before `end`, without the others in memory."""
+        """Return `time` and every channel for the samples from `first` to before `end`, without loading the others."""
         part = self._recorded.part(first, end)
         return {name: _known(part[name], self._provenances.get(name, self._times)) for name in part}
 
@@ -97,7 +97,7 @@ class Recording:
         return self._recorded.unit(channel)
 
     def uncertainty(self, channel: str) -> float | None:
-        """Return the standard uncertainty that the certificate gives this channel, None if unknown."""
+        """Return the standard uncertainty of this channel by its certificate, None if unknown."""
         found = self._uncertainties[channel]
         return None if found is None else Number(found, self._provenances[channel].of_difference())
 
@@ -114,14 +114,14 @@ def _known(array: NDArray[np.float64], provenance: Provenance) -> NDArray[np.flo
 
 
 def _read_only(array: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return what was recorded, as it was: the criteria of a requirement look at the same numbers at the case's end."""
+    """Return the array read-only: a requirement's criteria evaluate the same numbers at the case's end."""
     view = array.view()
     view.flags.writeable = False
     return view
 
 
 def clipped(facts: events.Recording, recorded: Recorded) -> dict[str, str]:
-    """Return a sentence for every channel of a capture whose samples reach an end of what its instrument can show."""
+    """Return a sentence for every channel of a capture whose samples reach an end of its instrument's range."""
     found: dict[str, str] = {}
     for channel in facts.channels:
         if channel.low is None or channel.high is None or channel.name not in recorded.channels:
@@ -139,13 +139,13 @@ def clipped(facts: events.Recording, recorded: Recorded) -> dict[str, str]:
 
 @dataclass(frozen=True, slots=True)
 class Disturbance:
-    """What the executive, the bench or the computer did to the times of a recording.
+    """Disturbance of a recording's times by the executive, the bench or the computer.
 
     Attributes:
-        course: how its samples were taken, None of a stream.
-        dut: whether the device under test was sampled, so that the time that it takes is its own affair.
-        told: of a stream, why rows may have been lost on the way, a sentence; empty if none can have been. Of samples,
-            what is said in place of what the course shows.
+        course: how its samples were taken, None for a stream.
+        dut: whether the device under test was sampled, so that the time it takes is its own.
+        told: for a stream, why rows may have been lost on the way, a sentence; empty if none can have been. For
+            samples, what is reported instead of the course.
     """
 
     course: Course | None = None
@@ -154,14 +154,14 @@ class Disturbance:
 
     @property
     def without_s(self) -> float | None:
-        """The time from sample to sample in s as it would be without it, 0 if nobody knows; None if it was none."""
+        """Sampling interval in s without the disturbance, 0 if unknown; None if there was none."""
         if self.course is None:
             return 0.0 if self.told else None
         return self.course.undisturbed_ns(own=self.dut) / NANOSECONDS
 
     @property
     def why(self) -> str:
-        """What it was, a sentence without a full stop."""
+        """The disturbance, as a sentence without a full stop."""
         return self.told or (self.course.cause if self.course else "")
 
 
@@ -169,9 +169,9 @@ UNDISTURBED = Disturbance()
 
 
 def delayed_before(recorded: Recorded, voids: Sequence[events.Voided]) -> str:
-    """Return a sentence on the largest gap of a recording that continued, if it is from before its run was stopped.
+    """Return a sentence about the largest gap of a continued recording, if it is from before its run was stopped.
 
-    The process that took those samples is gone, and with it what it knew of their course.
+    The process that took those samples is gone, and with it the record of their course.
     """
     stops = [part.first for part in voids if 0 < part.first < len(recorded)]
     if not stops:
@@ -189,24 +189,24 @@ def delayed_before(recorded: Recorded, voids: Sequence[events.Voided]) -> str:
 
 
 Criterion = tuple[Limit, Figure | str, str]
-"""What must hold, what was found, and a reason where that says more than the two; else empty."""
+"""A limit, the value found, and a reason if that says more than the two; otherwise empty."""
 
 
 def recorded_as(records: Records, taken: Sequence[Mapping[str, object]]) -> list[Mapping[str, object]]:
-    """Return the recordings of the name that a requirement asks for."""
+    """Return the recordings with the name that a requirement asks for."""
     return [item for item in taken if cast("events.Recording", item["facts"]).name == records.recording]
 
 
 def behind_channels(records: Records, named: Sequence[Mapping[str, object]]) -> Provenance | None:
-    """Return the provenance of the channels that a requirement asks for, in all recordings of the name."""
+    """Return the provenance of the channels that a requirement asks for, over all recordings of that name."""
     of_each = [cast("Mapping[str, Provenance]", item["provenances"]) for item in named]
     return merged(*(each[channel] for each in of_each for channel in records.channels if channel in each))
 
 
 def data_checks(records: Records, taken: Sequence[Mapping[str, object]]) -> Iterator[Criterion]:
-    """Yield every criterion of a recording with what was found; the poorest recording of that name counts.
+    """Yield every criterion of a recording with the value found; the worst recording of that name counts.
 
-    Samples that are not finite are counted over all of them, and leave the requirement INCONCLUSIVE.
+    Samples that are not finite are counted over all recordings, and leave the requirement INCONCLUSIVE.
 
     A recording that was never taken yields nothing, so that its requirement stays NOT_EVALUATED.
     """
@@ -238,7 +238,7 @@ def data_checks(records: Records, taken: Sequence[Mapping[str, object]]) -> Iter
 
 
 def _poorest(limit: Limit, unit: str, values: Sequence[float], named: Sequence[Mapping[str, object]]) -> Criterion:
-    """Return the criterion for the recording that meets it worst; one that is excused does not hide one that is not."""
+    """Return the criterion for the recording that meets it worst; an excused one does not hide one that is not."""
     judged = [_excused(limit, _exact(value, unit), taken) for value, taken in zip(values, named, strict=True)]
     figure, reason = max(judged, key=lambda each: (_fails(limit, each[0]), _beyond(limit, each[0].value)))
     return limit, figure, reason
@@ -253,11 +253,11 @@ def _rate(item: Recorded, span: float) -> float:
 
 
 def _excused(limit: Limit, figure: Figure, taken: Mapping[str, object]) -> tuple[Figure, str]:
-    """Return a rate or gap that misses its limit as not observable, with the reason, where the article is not to blame.
+    """Return a rate or gap that misses its limit as not observable, with the reason, if the article is not to blame.
 
-    It is not where the criterion would be met without what disturbed the recording. Rates and gaps have no uncertainty
-    of their own: every sample is stamped when it has come, so that the time that one usually takes drops out of their
-    differences, and one that took another time is a disturbance.
+    It is not if the criterion would be met without the disturbance of the recording. Rates and gaps have no uncertainty
+    of their own: every sample is stamped on arrival, so that the usual latency cancels out in differences, and an
+    unusual one is a disturbance.
     """
     disturbance = cast("Disturbance", taken.get("disturbance", UNDISTURBED))
     if _beyond(limit, figure.value) <= 0:
@@ -269,14 +269,14 @@ def _excused(limit: Limit, figure: Figure, taken: Mapping[str, object]) -> tuple
 
 
 def _beyond(limit: Limit, value: float) -> float:
-    """Return by how much a value is beyond a limit of one side; not above zero if it meets it."""
+    """Return by how much a value is beyond a one-sided limit; not above zero if it meets it."""
     return float(limit.minimum) - value if limit.minimum is not None else value - float(limit.maximum or 0)
 
 
 def _stopped(longest_s: float, found: Sequence[Recorded], ends: Sequence[Sequence[int]]) -> Iterator[Criterion]:
-    """Yield the time for which the run was stopped in the middle of a recording, where it is longer than a gap may be.
+    """Yield the time for which the run was stopped during a recording, if it is longer than the allowed gap.
 
-    What the device did then nobody knows, and it is not to blame.
+    What the device did in that time is unknown, and it is not to blame.
     """
     gaps = [float(item.time[end] - item.time[end - 1]) for item, at in zip(found, ends, strict=True) for end in at]
     if gaps and max(gaps) > longest_s:
@@ -289,17 +289,17 @@ def _stopped(longest_s: float, found: Sequence[Recorded], ends: Sequence[Sequenc
 
 
 def _ends_of_voids(taken: Mapping[str, object]) -> list[int]:
-    """Return at which rows a recording went on after its run had been stopped."""
+    """Return the rows at which a recording continued after its run had been stopped."""
     voids, recorded = cast("Sequence[events.Voided]", taken["voids"]), cast("Recorded", taken["recorded"])
     return [part.end for part in voids if 0 < part.end < len(recorded)]
 
 
 _RATE_TOLERANCE = 1e-3
-"""A sampling clock may be this much slow: quartz is, and the last sample's latency counts, too."""
+"""Tolerance for a slow sampling clock: of its quartz, and for the last sample's latency."""
 
 
 def _not_finite(records: Records, found: Sequence[Recorded]) -> Iterator[Criterion]:
-    """Yield the number of samples that are no numbers, where there are any: what they were is not known."""
+    """Yield the number of samples that are not numbers, if there are any: their values are unknown."""
     counts = {
         channel: int(sum(_invalid(item[channel]) for item in found if channel in item.channels))
         for channel in records.channels
@@ -314,9 +314,9 @@ def _not_finite(records: Records, found: Sequence[Recorded]) -> Iterator[Criteri
 
 
 def _clipped(records: Records, named: Sequence[Mapping[str, object]]) -> Iterator[Criterion]:
-    """Yield the number of channels that left their screen, where there are any: what they were is not known."""
-    told = [clipped(cast("events.Recording", item["facts"]), cast("Recorded", item["recorded"])) for item in named]
-    sentences = [each[channel] for each in told for channel in records.channels if channel in each]
+    """Yield the number of channels that were clipped, if there are any: their values are unknown."""
+    clippings = [clipped(cast("events.Recording", item["facts"]), cast("Recorded", item["recorded"])) for item in named]
+    sentences = [each[channel] for each in clippings for channel in records.channels if channel in each]
     if sentences:
         figure = Figure(value=float(len(sentences)), unit="1", status=FigureStatus.NOT_OBSERVABLE)
         yield _at_most("clipped", 0, "1"), figure, "; ".join(sentences)
@@ -329,7 +329,7 @@ def _invalid(samples: NDArray[np.float64]) -> int:
 
 
 def _lasts(item: Recorded, span: float) -> float:
-    """Return how long a recording lasts, in s: its last sample stands for one period, too, a single one for none."""
+    """Return a recording's duration in s: the last sample counts for one period, too, a single one for none."""
     return span + 1 / item.rate if len(item) > 1 else 0.0
 
 
@@ -342,7 +342,7 @@ def _span(item: Recorded, without: Sequence[int]) -> float:
 
 
 def _gap(item: Recorded, without: Sequence[int]) -> float:
-    """Return the largest gap, but for those before the rows `without`."""
+    """Return the largest gap, except those before the rows `without`."""
     gaps = item.time[1:] - item.time[:-1]
     gaps[[row - 1 for row in without]] = 0.0
     return float(gaps.max()) if len(gaps) else 0.0

@@ -15,13 +15,13 @@ from hil.executive.cases.escapes import OfThisProcess
 __all__ = ["Steps", "file_part", "one_line", "writable"]
 
 _CONTROLS = frozenset({"Cc", "Cs"})
-"""Unicode's categories of control characters, and of Python's stand-ins for bytes that are no UTF-8."""
+"""Unicode categories of control characters, and of Python's surrogates for bytes that are not UTF-8."""
 
 
 def writable(text: str) -> str:
-    """Return a text in which whatever would move a cursor, clear a screen or fail to be written is written out.
+    """Return a text in which whatever would move a cursor, clear a screen or fail to be encoded is escaped.
 
-    The ends of its lines stay.
+    Line ends are kept.
     """
     if text.isascii() and text.isprintable():
         return text
@@ -29,7 +29,7 @@ def writable(text: str) -> str:
 
 
 def one_line(text: str) -> str:
-    """Return the same with the ends of its lines written out, too: for what stands in a line of its own."""
+    """Return the same with line ends escaped, too, for text on a line of its own."""
     return writable(text).replace("\n", "\\n")
 
 
@@ -41,7 +41,7 @@ Outcome = Literal["done", "raised"]
 
 
 def file_part(text: str) -> str:
-    """Return a case's id, or a name that a case gave, as a part of file names."""
+    """Return a case's id, or a name given by a case, in a form for file names."""
     return re.sub(r"[^A-Za-z0-9_]+", "-", text.rpartition("::")[2]).strip("-")[:60]
 
 
@@ -52,7 +52,7 @@ class Steps(OfThisProcess):
         case: the case's id.
         journal: where events are written.
         now: bench time in seconds.
-        undisturbed: keeps the bench's watching during a case from moving its time while a step begins or ends.
+        undisturbed: prevents the watching of the bench from moving its time while a step begins or ends.
 
     Attributes:
         number: the number of the present step, such as `1.2`; empty outside steps.
@@ -78,14 +78,14 @@ class Steps(OfThisProcess):
 
     @contextmanager
     def __call__(self, title: str, turn: int | None = None) -> Iterator[None]:
-        """Be in a step; steps nest, and leaving a step leaves those inside it.
+        """Enter a step; steps nest, and leaving a step leaves those inside it.
 
         Args:
             title: what is done in it.
-            turn: which turn of a loop it is, from 1; a run that was stopped can be entered again at its beginning.
+            turn: which turn of a loop it is, from 1; a stopped run can be re-entered at its beginning.
         """
         with self._undisturbed():
-            began = self._now()  # first of all, because it turns other threads away
+            began = self._now()  # first of all, because it refuses other threads
             depth = len(self._titles)
             del self._counts[depth + 1 :]
             self._counts[depth] += 1
@@ -104,7 +104,7 @@ class Steps(OfThisProcess):
                 self._leave(depth, outcome)
 
     def close(self) -> None:
-        """End every step that is open still: those of a loop that a case was thrown out of and keeps hold of."""
+        """End every step that is still open: those of a loop left by an exception while the case keeps its iterator."""
         self._leave(0, "raised")
 
     def _leave(self, depth: int, outcome: Outcome) -> None:

@@ -1,4 +1,4 @@
-"""Rows that come beside a case: devices that are emptied or asked in turns, and what becomes of what they give."""
+"""Streaming beside a case: devices that are drained or sampled in turns, and the intake of their rows."""
 
 from __future__ import annotations
 
@@ -28,19 +28,19 @@ if TYPE_CHECKING:
 __all__ = ["Condition", "Intake", "SampledTurns", "StreamTurns", "Turns"]
 
 _FEW = 64
-"""Up to this many rows plain numbers are quicker than arrays."""
+"""Up to this many rows plain numbers are faster than arrays."""
 
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """What a case waits for: the column of a row, how it is compared, and with what."""
+    """A condition that a case waits for: the column of a row, the comparison, and the value."""
 
     column: int
     compare: str
     bound: float
 
     def first(self, rows: list[list[float]] | NDArray[np.float64]) -> int | None:
-        """Return the place of the first row that fulfils it, None if none does; NaN fulfils nothing."""
+        """Return the index of the first row that fulfils it, None if none does; NaN fulfils nothing."""
         compare: Callable[..., object] = getattr(operator, _COMPARISONS[self.compare])
         if isinstance(rows, list):
             for place, row in enumerate(rows):
@@ -48,7 +48,7 @@ class Condition:
                     return place
             return None
         fulfilled = compare(rows[:, self.column], self.bound)
-        return int(fulfilled.argmax()) if fulfilled.any() else None  # type: ignore[attr-defined]  # an array of flags
+        return int(fulfilled.argmax()) if fulfilled.any() else None  # type: ignore[attr-defined]  # a boolean array
 
 
 _COMPARISONS = {"above": "gt", "below": "lt", "equals": "eq"}
@@ -58,7 +58,7 @@ class Intake:
     """Takes the rows of one recording.
 
     Args:
-        recording: where they are stored.
+        recording: stores them.
         scheduler: judges them by the envelope.
 
     Attributes:
@@ -96,7 +96,7 @@ class Intake:
         self._pass_on([row], row)
 
     def await_row(self, condition: Condition) -> None:
-        """Look for a row that fulfils a condition: from the newest one on, or from the one that was found last."""
+        """Look for a row that fulfils a condition: from the newest one on, or from the last one found."""
         self.found = None
         self._condition = condition
         if len(self._unseen):
@@ -122,10 +122,10 @@ class Intake:
 
 
 class Turns(Beside, Protocol):
-    """How the rows of one recording are fetched, turn by turn.
+    """Fetches the rows of one recording, turn by turn.
 
     Attributes:
-        every_s: how far apart rows may come.
+        every_s: the longest interval between rows.
         failed: whether a device fell silent; nothing more is fetched then.
     """
 
@@ -141,38 +141,38 @@ class Turns(Beside, Protocol):
         ...
 
     def take_early(self) -> None:
-        """Fetch what waits, if anything does, before its turn."""
+        """Fetch any waiting rows before their turn."""
         ...
 
     def end(self) -> StreamReport | None:
-        """Fetch what is there still, end, and return how the stream went, None if there was none.
+        """Fetch the rest, end, and return the stream's statistics, None if there was no stream.
 
         Raises:
-            DeviceFault: as above; what can be ended is.
+            DeviceFault: as above; whatever can be ended is.
         """
         ...
 
     def give_up(self) -> None:
-        """End as far as that is possible, and fetch nothing more."""
+        """End as far as possible, and fetch nothing more."""
         ...
 
 
 class StreamTurns:
-    """A role that samples by itself, emptied at least every `longest_pause`, or as often as its limits are read.
+    """A role that samples by itself, drained at least every `longest_pause`, or as often as its limits are read.
 
-    The time of a row is the bench time at the beginning plus the time that the device counted since. What the
-    device's clock does against the bench's is shown in the report, and changes no row.
+    The time of a row is the bench time at the beginning plus the time that the device has counted since. Any drift
+    of the device's clock against the bench's is shown in the report, and changes no row.
 
     Args:
         source: the role's façade.
         role: the role.
         clock: the bench's clock.
         rate: samples per second.
-        enough: seconds after the first row from which on no row is wanted, None if the case ends the stream.
+        enough: seconds after the first row after which no row is wanted, None if the case ends the stream.
 
     Attributes:
-        full: whether a row came that was not wanted any more.
-        late: where rows were fetched so late that some may have been lost, a sentence; empty if they never were.
+        full: whether a row came that was no longer wanted.
+        late: a sentence, if rows were fetched so late that some may have been lost; empty if they never were.
     """
 
     def __init__(self, source: Facade, role: Streamed, clock: Clock, rate: float, enough: float | None = None) -> None:
@@ -194,7 +194,7 @@ class StreamTurns:
         self.full = False
 
     def begin(self, intake: Intake) -> None:
-        """Let the device sample. See `Turns`."""
+        """Start the device's sampling. See `Turns`."""
         try:
             self._source.guarded(lambda: self._role.begin(self._rate))
         except BaseException:
@@ -206,17 +206,17 @@ class StreamTurns:
         self._keep_time()
 
     def may_pause(self, seconds: float, *, together: bool = True) -> None:
-        """Fetch rows so seldom, if that is longer than `longest_pause`, and as far as the role has the patience.
+        """Fetch rows this seldom, if that is longer than `longest_pause`, as far as the role's buffer allows.
 
         Args:
             seconds: how long rows may wait.
-            together: whether at whole multiples of that, where limits that are read take their turns, too.
+            together: whether to do so at whole multiples of that, together with the limits that are read.
         """
         self._allowed_s, self._together = seconds, together
         self._keep_time()
 
     def have(self, seconds: float) -> None:
-        """Want so many seconds of rows less: they are there from before the run was stopped."""
+        """Want this many seconds of rows less: they exist from before the run was stopped."""
         if self._enough is not None:
             self._enough -= seconds
 
@@ -233,12 +233,12 @@ class StreamTurns:
             self.due_ns += ((now_ns - self.due_ns) // self._pause_ns + 1) * self._pause_ns
 
     def take_early(self) -> None:
-        """Fetch what has come, and the next rows when they are due anyway."""
+        """Fetch what has come; the next rows stay due as scheduled."""
         if not self.failed:
             self._fetch()
 
     def _keep_time(self) -> None:
-        """Set when rows are fetched from now on."""
+        """Set when rows are to be fetched from now on."""
         pause_s = self._role.longest_pause
         if self._allowed_s > pause_s and hasattr(self._role, "patience"):
             pause_s = max(pause_s, min(self._allowed_s, cast("Patient", self._role).patience))
@@ -262,7 +262,7 @@ class StreamTurns:
             self.due_ns = FOREVER_NS
             raise
         if self._source.instrument.dut:
-            self._fetched_ns = self._clock.now_ns()  # the time that it takes to answer is its own affair
+            self._fetched_ns = self._clock.now_ns()  # the time that it takes to answer does not count
         if self._enough is not None and len(block):
             self._first = float(block[0, 0]) if self._first is None else self._first
             wanted = block[block[:, 0] - self._first <= self._enough]
@@ -272,7 +272,7 @@ class StreamTurns:
             self._intake.take(block, self._start_s)
 
     def end(self) -> StreamReport:
-        """Fetch what is there still, and let the device stop. See `Turns`."""
+        """Fetch the rest, and stop the device. See `Turns`."""
         try:
             if not self.full:
                 self.take()
@@ -282,28 +282,28 @@ class StreamTurns:
         return self._source.guarded(self._role.end)
 
     def give_up(self) -> None:
-        """Let the device stop, if it listens, and if it began: one that refused to has nothing to end."""
+        """Stop the device, if it responds, and if it started: one that refused to start has nothing to end."""
         with suppress(DeviceFault, Refused):
             self._role.end()
 
     @property
     def over(self) -> bool | None:
-        """Whether the device says that its test has ended; None for one that does not speak of it."""
+        """Whether the device reports that its test has ended; None if it does not report that."""
         return cast("Ending", self._role).over if self._tells_of_its_end else None
 
 
 class SampledTurns:
-    """Roles that are asked for one sample after another, k / rate after the first; a turn that was missed is a gap.
+    """Roles that are sampled one by one, k / rate after the first sample; a missed turn is a gap.
 
     Args:
         sources: the roles' façades.
         clock: the bench's clock.
         rate: samples per second.
-        course: hears how it goes.
+        course: records how it goes.
         shares: returns what they leave of the bus, given the limits that they feed.
 
     Attributes:
-        share: that, once they are prepared.
+        share: what they leave of the bus, once they are prepared.
     """
 
     share: Share
@@ -323,10 +323,10 @@ class SampledTurns:
         self.failed = False
 
     def prepare(self, fed: Fed) -> None:
-        """Find out what is left of the bus, and let limits be read that would find no room later.
+        """Work out the share of the bus, and have limits read that would find no room later.
 
         Raises:
-            Misused: rate, gap and maximum ages cannot all hold.
+            Misused: rate, gap and maximum ages cannot all be met.
         """
         self.share = self._shares(fed)
 
@@ -338,7 +338,7 @@ class SampledTurns:
         self.take()
 
     def begin_again(self) -> None:
-        """Take a sample now, and go on at the next turn."""
+        """Take a sample now, and continue at the next turn."""
         self.course.begin_again(self._clock.now_ns())
         self.take()
 
@@ -370,5 +370,5 @@ class SampledTurns:
 
     @property
     def over(self) -> None:
-        """None: a role that is asked for samples has no test of its own."""
+        """None: a sampled role has no test of its own."""
         return None

@@ -1,4 +1,4 @@
-"""One recording from its first row to its last, whichever code fetches the rows."""
+"""One recording from its first row to its last, however its rows are fetched."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ __all__ = ["Taking", "fed_by"]
 
 
 def fed_by(facts: events.Recording, sources: Sequence[Facade], scheduler: Scheduler) -> Fed:
-    """Return the limits that the rows of roles that are sampled feed, so that they are not read beside them."""
+    """Return the limits fed by the rows of sampled roles, which are then not read separately."""
     if not (scheduler.watching and scheduler.timeline.all_share):
         return ()
     every_s, place, found = 1 / facts.rate, 1, list[tuple[Columns, Monitor]]()
@@ -41,15 +41,15 @@ class Taking:
     """A recording whose rows are fetched in turns by the scheduler.
 
     Args:
-        facts: what is known before the first row.
+        facts: the facts known before the first row.
         sources: the façades of the recorded roles.
         turns: fetches the rows.
-        scheduler: gives the turns.
+        scheduler: schedules the turns.
         store: opens row files.
 
     Attributes:
-        intake: what becomes of the rows.
-        report: how the stream went, once it has ended; None if there was none.
+        intake: takes the rows.
+        report: the stream's statistics, once it has ended; None if there was no stream.
         whole: whether the recording ended as planned.
     """
 
@@ -72,7 +72,7 @@ class Taking:
         self._scheduler = scheduler
         self._store = store
         self._recording: OpenRecording | None = None
-        self._told: str | Mapping[str, object] | None = None
+        self._result: str | Mapping[str, object] | None = None
 
     @property
     def begun(self) -> bool:
@@ -82,11 +82,11 @@ class Taking:
     @property
     def running(self) -> bool:
         """Whether it has begun, and not ended."""
-        return self._recording is not None and self._told is None
+        return self._recording is not None and self._result is None
 
     @property
     def covers_s(self) -> float:
-        """The time that its rows last, those included that it had before its run was stopped; 0 without any."""
+        """The time that its rows cover, including those from before its run was stopped; 0 without any."""
         rows = self._recording.rows if self._recording else None
         return rows.covers_s() + 1 / self.facts.rate if rows and rows.rows else 0.0
 
@@ -96,11 +96,11 @@ class Taking:
         return [(source, channel.unit) for source in self.sources for channel in source.sampled.channels()]
 
     def begin(self) -> None:
-        """Open the row file and let the rows come.
+        """Open the row file and start the rows.
 
         Raises:
             DeviceFault: a device does not answer; the recording is ended as incomplete.
-            Misused: rate, gap and maximum ages cannot all hold; nothing has begun then.
+            Misused: rate, gap and maximum ages cannot all be met; nothing has begun then.
         """
         if isinstance(self.turns, SampledTurns):
             self._fed = fed_by(self.facts, self.sources, self._scheduler)
@@ -118,17 +118,17 @@ class Taking:
             raise
 
     def end(self, *, complete: bool) -> str | Mapping[str, object]:
-        """End, and return the hash of all rows, and of a stream also its statistics; ended again, return it again.
+        """End, and return the hash of all rows, for a stream also its statistics; a second call returns the same.
 
         Args:
-            complete: whether to fetch what is still there; otherwise what has arrived is kept as incomplete.
+            complete: whether to fetch the rest; otherwise what has arrived is kept as incomplete.
 
         Raises:
-            DeviceFault: a device falls silent at last; the recording is incomplete then.
-            Tripped: a last row is outside of the envelope.
+            DeviceFault: a device falls silent at the end; the recording is then incomplete.
+            Tripped: one of the last rows is outside the envelope.
         """
-        if self._told is not None or self._recording is None:
-            return self._told or ""
+        if self._result is not None or self._recording is None:
+            return self._result or ""
         self._scheduler.end_beside(self.turns)
         if isinstance(self.turns, SampledTurns):
             self._scheduler.monitoring.bus.leave(self.turns.share)
@@ -144,11 +144,11 @@ class Taking:
                 self._scheduler.unfeed(self.intake.feed)
             if self._store.holds(self._recording):
                 digest = self._recording.finish(complete=self.whole)
-            self._told = {"sha256": digest, **asdict(self.report)} if self.report else digest
-        return self._told
+            self._result = {"sha256": digest, **asdict(self.report)} if self.report else digest
+        return self._result
 
     def _feed(self) -> None:
-        """Let the rows feed the limits that watch them."""
+        """Have the rows feed the limits that watch them."""
         if self._fed:
             self.intake.feed = self._scheduler.feed(self._fed, self.turns.every_s, self.facts.recording)
         if isinstance(self.turns, StreamTurns):
@@ -164,7 +164,7 @@ class Taking:
             self._require_fed(source, [monitor for _, monitor in fed], monitors)
 
     def _require_fed(self, source: Facade, fed: Sequence[Monitor], monitors: Sequence[Monitor]) -> None:
-        """Require that the rows feed every limit on an input of that wire: it cannot be read beside them."""
+        """Require that the rows feed every limit on an input of that wire: it cannot be read separately."""
         inputs = inputs_of(source.instrument.driver, source.wire)
         for monitor in monitors:
             limit = monitor.limit

@@ -1,4 +1,4 @@
-"""`clock`: bench time as a case may see it, and how long something took until it was seen."""
+"""`clock`: bench time as a case may see it, and measured durations until a condition is met."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from hil.model.provenance import Provenance, merged
 __all__ = ["CaseClock", "WaitingCase", "span"]
 
 _CLOCK_ERROR = 1e-4
-"""Relative: the quartz of a computer is within 100 ppm, whether or not anything disciplines it."""
+"""Relative error: a computer's quartz is within 100 ppm, whether or not it is disciplined."""
 
 
 class WaitingCase(Protocol):
@@ -25,7 +25,7 @@ class WaitingCase(Protocol):
 
     @property
     def effects(self) -> Effects:
-        """Where waits are noted."""
+        """Where waits are recorded."""
         ...
 
     @property
@@ -34,12 +34,12 @@ class WaitingCase(Protocol):
         ...
 
     def refused(self, error: HilError) -> None:
-        """Note what the case asked for and was not done, before it learns of it."""
+        """Note a refused request, before the case learns of it."""
         ...
 
 
 class CaseClock(OfThisProcess):
-    """The `clock` fixture: bench time, as far as a case may see it."""
+    """The `clock` fixture: bench time as a case may see it."""
 
     said = "`clock`"
 
@@ -48,7 +48,7 @@ class CaseClock(OfThisProcess):
         self._effects, self._scheduler = case.effects, case.scheduler
 
     def now(self) -> float:
-        """Return the bench time in s, that of the last operation or wait; only differences mean anything."""
+        """Return the bench time of the last operation or wait in s; only differences are meaningful."""
         self._scheduler.point()
         return self._effects.perform("clock.now", "reads", {}, lambda: self._scheduler.now_ns() / NANOSECONDS)
 
@@ -59,22 +59,22 @@ class CaseClock(OfThisProcess):
     def until(
         self, condition: Callable[[], object], *, within: float, since: float | None = None, every: float = 0.01
     ) -> Figure:
-        """Wait until a condition is met, and return how long that took, in s.
+        """Wait until a condition is met, and return how long that took in s.
 
-        The condition is looked at again and again; the figure comes from the instruments that it reads. What it waits
-        for happened between the beginning of the last look that did not show it and the end of the first one that did;
-        what began the time, between `since` and this call. The middles of both spans are taken, and the spans are the
-        uncertainty (rectangles, GUM 4.3.7), together with 100 ppm of the clock.
+        The condition is polled; the figure comes from the instruments that it reads. The awaited change happened
+        between the beginning of the last poll that did not show it and the end of the first one that did; the time
+        began between `since` and this call. The midpoints of both spans are taken, and the spans are the uncertainty
+        (rectangular, GUM 4.3.7), together with 100 ppm of the clock.
 
         Args:
-            condition: called without arguments; met if it returns something true.
-            within: how long to wait at most, from this call on [s].
-            since: bench time from `now` at which the time begins; this call if it is not given.
-            every: from the beginning of one look to the next [s]; a look that takes longer delays the next one.
+            condition: called without arguments; met if the result is true.
+            within: timeout, from this call on [s].
+            since: bench time from `now` at which the time begins; by default this call.
+            every: polling period [s]; a poll that takes longer delays the next one.
 
         Raises:
-            NotMet: the condition was not met in time; what a case that lets it through did not check is INCONCLUSIVE.
-            Misused: for times that are not numbers above zero, or a beginning ahead of now.
+            NotMet: the condition was not met in time; if a case suppresses that, what it did not check is INCONCLUSIVE.
+            Misused: for times that are not numbers above zero, or a beginning in the future.
         """
         self._scheduler.point()
         called_ns = self._scheduler.now_ns()
@@ -82,7 +82,7 @@ class CaseClock(OfThisProcess):
         if not (0 < within < math.inf and 0 < every < math.inf):
             raise self._misused(f"clock.until cannot wait for {within} s, every {every} s", "give seconds above zero")
         with self._effects.learning() as learnt:
-            seen = self._look(condition, learnt, called_ns, within, every)
+            seen = self._poll(condition, learnt, called_ns, within, every)
         behind = merged(*learnt) or Provenance()
 
         def tell() -> Figure:
@@ -99,13 +99,13 @@ class CaseClock(OfThisProcess):
         took = self._effects.perform("clock.until", "waits", arguments, tell)
         return took.with_provenance(behind.through("clock.until"))
 
-    def _look(
+    def _poll(
         self, condition: Callable[[], object], learnt: list[Provenance], start_ns: int, within: float, every: float
     ) -> tuple[int, int] | None:
-        """Return when the last look in vain began, -1 without one, and when that ended which was not; None in vain."""
+        """Return when the last unmet poll began, -1 if there was none, and when the met one ended; None on timeout."""
         vain_ns, turn = -1, 0
         while True:
-            learnt.clear()  # the figure comes from what the last look reads
+            learnt.clear()  # the figure comes from what the last poll reads
             began_ns = self._scheduler.now_ns()
             met = bool(condition())
             now_ns = self._scheduler.now_ns()
@@ -115,13 +115,13 @@ class CaseClock(OfThisProcess):
                 return None
             vain_ns = began_ns
             turn = max(turn + 1, math.ceil((now_ns - start_ns) / NANOSECONDS / every))
-            with self._effects.undisturbed():  # a turn beside the case may be within a transaction
+            with self._effects.undisturbed():  # a turn beside the case may be in the middle of a transaction
                 self._scheduler.wait_until(start_ns + round(turn * every * NANOSECONDS))
 
     def _beginning(self, since: object, now_ns: int) -> int:
         if isinstance(since, bool) or not isinstance(since, int | float) or not 0 <= since <= now_ns / NANOSECONDS:
-            told = f"clock.until: since is a bench time up to {now_ns / NANOSECONDS:g} s, found {since!r}"
-            raise self._misused(told, "take it from clock.now() before what begins the time")
+            problem = f"clock.until: since is a bench time up to {now_ns / NANOSECONDS:g} s, found {since!r}"
+            raise self._misused(problem, "take it from clock.now() before what begins the time")
         return round(since * NANOSECONDS)
 
     def _misused(self, what: str, hint: str) -> Misused:
@@ -131,11 +131,11 @@ class CaseClock(OfThisProcess):
 
 
 def span(began_ns: tuple[int, int], ended_ns: tuple[int, int]) -> Figure:
-    """Return the time between two instants that are each known to lie between two others.
+    """Return the time between two instants, each known to lie between two others.
 
     Args:
         began_ns: first and last instant at which it may have begun.
-        ended_ns: the same of its end.
+        ended_ns: the same for its end.
     """
     middle = (sum(ended_ns) - sum(began_ns)) / 2 / NANOSECONDS
     halves = [(last - first) / 2 / NANOSECONDS for first, last in (began_ns, ended_ns)]

@@ -1,1 +1,1 @@
-"""How a run ends: who stops it, its exit code, and what a named person acknowledges afterwards."""
+"""The end of a run: stop requests, signals, and the acknowledgement by a named person."""

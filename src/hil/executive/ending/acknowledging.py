@@ -1,4 +1,4 @@
-"""Acknowledging what was done to a bench by force: a named person says what was seen."""
+"""Acknowledgement of a latched bench: a named person says what was seen."""
 
 from __future__ import annotations
 
@@ -30,24 +30,24 @@ _LOOK_S = 0.05
 
 @dataclass(frozen=True, slots=True)
 class Acknowledged:
-    """The outcome of an acknowledgement: the benches that were latched, and the ledger's entry, if there is one."""
+    """Result of an acknowledgement: the benches that were latched, and the ledger's entry, if there is one."""
 
     benches: tuple[str, ...]
     entry: Entry | None
 
 
 def waits_for_ack(folder: Path) -> bool:
-    """Return whether a run has left a latch, or the guardian ended it and nobody has acknowledged that."""
-    if is_run(folder) and is_held(folder):  # a bench that is armed is latched until its run has let go of it
+    """Return whether a run has left a latch, or an end by the guardian that has not been acknowledged."""
+    if is_run(folder) and is_held(folder):  # an armed bench is latched until its run releases it
         return False
     return bool(latches_of(folder.name)) or not (is_sealed(folder) or is_acknowledged(folder))
 
 
 def require_acknowledged(folder: Path) -> None:
-    """Require that somebody acknowledged what the guardian did, before a run resumes.
+    """Require, before a run resumes, that what the guardian did has been acknowledged.
 
     Raises:
-        Refused: if nobody did.
+        Refused: if it has not.
     """
     if not is_acknowledged(folder):
         raise Refused(
@@ -57,18 +57,18 @@ def require_acknowledged(folder: Path) -> None:
 
 
 def acknowledge(folder: Path, reports: Path, *, by: str, text: str) -> Acknowledged:
-    """Write down that a person checked the bench that a run left by force, and remove the run's latches.
+    """Record that a person checked the latched bench of a run, and remove the run's latches.
 
     Args:
         folder: the run's folder; it may be gone, as long as a latch names it.
-        reports: the folder of reports of the workspace, for the ledger of runs that are sealed, gone or another user's.
+        reports: the workspace's folder of reports, for the ledger of runs that are sealed, gone or another user's.
         by: who looked.
         text: what was seen and done.
 
     Raises:
-        Refused: if name or text is missing, the run or its guardian is still at work, nothing waits for it, or this
+        Refused: if name or text is missing, the run or its guardian is still active, nothing needs it, or this
             user may not acknowledge it.
-        EvidenceError: if it cannot be written down; the latches are then still there.
+        EvidenceError: if it cannot be recorded; the latches are then still there.
     """
     by, text = by.strip(), text.strip()
     files = latches_of(folder.name)
@@ -93,14 +93,14 @@ def acknowledge(folder: Path, reports: Path, *, by: str, text: str) -> Acknowled
 
 
 def _wait_for_guardian(run: str) -> None:
-    """Wait a moment for a guardian that kept trying to leave, so that the bench is free when the command is done."""
+    """Wait briefly for a guardian that kept retrying to exit, so that the bench is free when the command is done."""
     until = wall.monotonic() + _LEAVES_S
     while holds_a_lease(run) and wall.monotonic() < until:
         wall.pause(_LOOK_S)
 
 
 def _require_over(folder: Path) -> None:
-    """Require that nobody but a guardian that keeps trying is at work: it leaves once its latch is taken back."""
+    """Require that nothing is active but a guardian that keeps retrying, which exits once its latch is removed."""
     hint = "wait for its end, or stop it with hil stop"
     if is_run(folder) and is_held(folder):
         raise Refused(f"{folder.name}: the run, or its guardian, is still running", hint)

@@ -1,4 +1,4 @@
-"""Signals while a run is in progress: requests to stop, and the timer that watches a bench during a case's own code."""
+"""Signals during a run: requests to stop, and the timer by which the bench is watched during a case's own code."""
 
 from __future__ import annotations
 
@@ -16,31 +16,31 @@ from hil.executive.ending.stop import StopFlags
 __all__ = ["LOOK_S", "SUPERVISOR_ENDED", "Alarm", "Attends", "handle_signals"]
 
 SUPERVISOR_ENDED = "the death of its supervisor"
-"""Who asked for an end where the operating system did, which sends a SIGTERM for a supervisor that is gone."""
+"""Reason of a stop for the SIGTERM that the operating system sends when the supervisor is gone."""
 
 _SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 
 _UNATTENDED = frozenset(number for number in _SIGNALS if number != signal.SIGINT)
-"""Signals that a program sent: nobody is there to ask a second time."""
+"""Signals sent by programs: nobody is there to send a second one."""
 
 _PATIENCE_S = 5.0
 
 _AGAIN_S = 0.3
 
 LOOK_S = 0.2
-"""How often the executive looks after the bench, and the case, while a case's own code runs."""
+"""Period at which the executive attends to bench and case while a case's own code runs."""
 
 _SLACK_S = 0.01
 
 
 @contextmanager
 def handle_signals(flags: StopFlags) -> Iterator[Alarm]:
-    """Turn SIGINT, SIGTERM and SIGHUP into requests to stop; the handlers before are put back.
+    """Turn SIGINT, SIGTERM and SIGHUP into requests to stop; the previous handlers are restored at the end.
 
-    Given is what rings in the case's own code.
+    Yields the timer that interrupts the case's own code.
 
-    An ignored SIGHUP stays ignored (`nohup`). A case that does not come to a scheduling point for some seconds after
-    a program's signal is cut as by a second one, and is cut again for as long as it continues.
+    An ignored SIGHUP stays ignored (`nohup`). A case that reaches no scheduling point for some seconds after a
+    program's signal is cut as by a second one, and is cut repeatedly for as long as it continues.
     """
     alarm = Alarm(flags)
     parent = os.getppid()
@@ -66,22 +66,22 @@ def handle_signals(flags: StopFlags) -> Iterator[Alarm]:
 
 
 class Attends(Protocol):
-    """Looks after the bench and the case."""
+    """Attends to the bench and the case."""
 
     def attend(self, alone_s: float, silent_s: float) -> None:
-        """Look after them where the case's own code may be disturbed; see `StopFlags.interlude`."""
+        """Attend to them where the case's own code may be interrupted; see `StopFlags.interlude`."""
         ...
 
     def between(self) -> None:
-        """Look after it wherever it rings."""
+        """Attend to them at any tick, wherever it interrupts."""
         ...
 
 
 class Alarm:
-    """Rings in the case's own code: to look after the bench, to end a case in time, and to cut what does not end.
+    """Timer that interrupts the case's own code: to attend to the bench, enforce time limits, and cut runaway code.
 
     Args:
-        flags: know whether a case's own code runs, and what is to be done in the middle of it.
+        flags: know whether a case's own code runs, and what to do in the middle of it.
     """
 
     def __init__(self, flags: StopFlags) -> None:
@@ -92,35 +92,35 @@ class Alarm:
         self._cut_at = math.inf
 
     def keep(self, attendant: Attends) -> None:
-        """Ring a few times a second from now on.
+        """Tick a few times a second from now on.
 
-        A call into C is not disturbed; what rang in the meantime rings after it. See `StopFlags.interlude`.
+        A call into C is not interrupted; a tick in the meantime takes effect after it. See `StopFlags.interlude`.
 
         Args:
-            attendant: looks after the bench then.
+            attendant: called at each tick.
         """
         self._attendant = attendant
         self._start(LOOK_S, LOOK_S)
 
     def set(self, seconds: float) -> None:
-        """Begin to cut in `seconds`, again and again."""
+        """Begin to cut in `seconds`, repeatedly."""
         self._cut_at = wall.monotonic() + seconds
         if self._attendant is None:
             self._start(seconds, _AGAIN_S)
 
     def put_back(self) -> None:
-        """End, and let the alarm be whose it was."""
+        """Stop the timer, and restore the previous alarm handler."""
         if self._before is not None:
             signal.setitimer(signal.ITIMER_REAL, *self._before)
             signal.signal(signal.SIGALRM, self._handler)  # type: ignore[arg-type]  # what signal() returned
             self._before = None
 
-    def _start(self, seconds: float, again_s: float) -> None:
+    def _start(self, seconds: float, period_s: float) -> None:
         if self._before is None:
             self._handler = signal.signal(signal.SIGALRM, self._ring)
-            self._before = signal.setitimer(signal.ITIMER_REAL, seconds, again_s)
+            self._before = signal.setitimer(signal.ITIMER_REAL, seconds, period_s)
         else:
-            signal.setitimer(signal.ITIMER_REAL, seconds, again_s)
+            signal.setitimer(signal.ITIMER_REAL, seconds, period_s)
 
     def _ring(self, _number: int, frame: FrameType | None) -> None:
         if self._attendant is not None:

@@ -1,4 +1,4 @@
-"""Stopping: signals only set flags, and the run ends at the next scheduling point; copies of it hold nothing."""
+"""Stop requests: signals only set flags, and the run ends at the next scheduling point; forked copies hold nothing."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ __all__ = ["Astray", "EndableRun", "IsOwn", "StopFlags", "Stopped", "Turn", "kep
 _MOST_CUTS = 10
 _INTERNAL = 3
 IsOwn = Callable[[FrameType | None], bool]
-"""Tells whether a case's own code, or what it called, is at a frame that a signal interrupted."""
+"""Returns whether the frame that a signal interrupted belongs to a case's own code, or to what that called."""
 Descriptors = Callable[[], Iterable[int]]
-"""Gives what belongs to this process alone."""
+"""Returns the descriptors that belong to this process alone."""
 
 _kept: list[Descriptors] = []
 
@@ -31,37 +31,37 @@ class Stopped(BaseException):
 
 
 class Astray(HilError):
-    """Code drives the bench, or writes evidence, from another thread, process or case than the one whose turn it is."""
+    """Code drives the bench, or writes evidence, from a thread, process or case other than the one whose turn it is."""
 
 
 class EndableRun(Protocol):
-    """A run as far as its stop requests end it."""
+    """A run, as seen by its stop requests."""
 
     def make_safe(self) -> None:
         """Make the bench safe; called before a case's own code is cut."""
         ...
 
     def give_up(self) -> None:
-        """End the run from where it is; called for a case that was cut again and again and continues."""
+        """End the run from where it is; called for a case that was cut repeatedly and still continues."""
         ...
 
 
 class StopFlags:
-    """Whether the run is to end, and why.
+    """Stop requests: whether the run is to end, and why.
 
-    The first request lets the present sample finish. A second one is urgent and ends a case that
-    computes at once, wherever in its own code it is. What the executive does for a case is never cut
+    The first request lets the present sample finish. A second one is urgent and ends a computing
+    case at once, wherever in its own code it is. What the executive does for a case is never cut
     in two: no transaction on the wire, no line of the journal, and least of all the way to the safe state.
-    All of that happens in the thread that made the flags; any other is turned away.
+    All of that happens in the thread that created the flags; any other is refused.
 
     Attributes:
-        reason: who or what asked first, empty if nobody did.
-        leave_open: whether the run is not sealed then, so that it can be resumed.
-        urgent: whether somebody asked again.
-        cuts: how often a case's own code was cut.
-        turns: how many cases had or have their turn.
-        astray: why another thread, process or case was turned away, empty if none was.
-        word_home: the descriptor at which a copy of this process tells why it was turned away; -1 for none.
+        reason: who or what made the first request, empty if there was none.
+        leave_open: whether the run is left unsealed, so that it can be resumed.
+        urgent: whether there was a second request.
+        cuts: how many times a case's own code was cut.
+        turns: how many cases have had a turn so far.
+        astray: why another thread, process or case was refused, empty if none was.
+        word_home: the descriptor at which a copy of this process reports why it was refused; -1 for none.
     """
 
     def __init__(self) -> None:
@@ -86,7 +86,7 @@ class StopFlags:
 
     @property
     def is_shielded(self) -> bool:
-        """Whether nothing may interrupt what continues."""
+        """Whether interruptions are held off."""
         return self._shielded > 0
 
     @property
@@ -99,7 +99,7 @@ class StopFlags:
         self._run = run
 
     def give_up(self) -> None:
-        """End the run from where it is: the present case never will."""
+        """End the run from where it is: the present case will not end."""
         if self._run is not None:
             self._run.give_up()
 
@@ -109,10 +109,10 @@ class StopFlags:
         self.reason = self.reason or reason
 
     def leave_off(self, reason: str) -> None:
-        """Ask the run to end safe and stay open, so that it can be resumed once the reason is gone.
+        """Request that the run ends safely and stays open, so that it can be resumed once the reason is gone.
 
-        Asked again and again, it is no more urgent than a person's first word, and changes nothing of that. Before the
-        first case there is nothing to go on with, and the run ends for good.
+        Repeated calls make it no more urgent than a person's first request, and do not change that one. Before the
+        first case there is nothing to resume, and the run ends for good.
         """
         if not self.reason:
             self.leave_open = self.turns > 0
@@ -126,7 +126,7 @@ class StopFlags:
             raise Stopped(self.reason)
 
     def interrupt(self, frame: FrameType | None = None) -> None:
-        """Raise Stopped for an urgent request if that can be done where a signal came."""
+        """Raise Stopped for an urgent request if that is possible where the signal arrived."""
         if self.urgent and self._may_raise(frame):
             self.cuts += 1
             if self.cuts == 1 and self._run is not None:
@@ -136,12 +136,12 @@ class StopFlags:
             raise Stopped(self.reason)
 
     def interlude(self, attend: Callable[[float, float], None], frame: FrameType | None = None) -> None:
-        """Do something if a case's own code is at nothing that must not be disturbed.
+        """Attend to bench and case, if a case's own code can be interrupted here.
 
         Args:
-            attend: is told for how many seconds of the wall that code ran since the executive had a look, and since it
-                came to a scheduling point itself.
-            frame: where a signal came.
+            attend: called with the wall-clock seconds that the code has run since the executive last attended, and
+                since it last passed a scheduling point.
+            frame: where the signal arrived.
         """
         if self._may_raise(frame):
             now, served = wall.monotonic(), self._served_since
@@ -149,17 +149,17 @@ class StopFlags:
             self._alone_since, self._served_since = wall.monotonic(), served
 
     def _may_raise(self, frame: FrameType | None) -> bool:
-        """Return whether what is raised at this frame ends the case's own code, and can end nothing else."""
+        """Return whether an exception at this frame ends the case's own code, and nothing else."""
         return not self._undisturbed and not self._shielded and self._is_own is not None and self._is_own(frame)
 
     @contextmanager
     def case_code(self, is_own: IsOwn = lambda _: True) -> Iterator[None]:
-        """Let an urgent request end what runs in here at once: a case's own code, and nothing else.
+        """Let an urgent request immediately end what runs in the context: a case's own code, and nothing else.
 
-        A copy of the process that the case forked ends where the case's code does.
+        A copy of the process forked by the case ends where the case's code does.
 
         Args:
-            is_own: tells a case's own code from what calls it, where an exception would be caught by nobody.
+            is_own: distinguishes a case's own code from its callers, where nothing would catch an exception.
         """
         self._is_own = is_own
         self._alone_since = self._served_since = wall.monotonic()
@@ -172,7 +172,7 @@ class StopFlags:
 
     @contextmanager
     def undisturbed(self) -> Iterator[None]:
-        """Let requests wait for the next scheduling point: used while a case is served by the executive."""
+        """Defer requests to the next scheduling point: used while the executive serves a case."""
         self.stay_home()
         self._undisturbed += 1
         try:
@@ -183,7 +183,7 @@ class StopFlags:
 
     @contextmanager
     def shielded(self) -> Iterator[None]:
-        """Let nothing interrupt: used while the bench is made safe and the package is sealed."""
+        """Hold off all interruptions: used while the bench is made safe and the package is sealed."""
         self._shielded += 1
         try:
             yield
@@ -191,7 +191,7 @@ class StopFlags:
             self._shielded -= 1
 
     def stay_home(self) -> None:
-        """Turn other threads and forked copies away: two writers would break the chain, and two drivers the bench.
+        """Refuse other threads and forked copies: two writers would break the chain, and two drivers the bench.
 
         Raises:
             Astray: in them.
@@ -204,24 +204,24 @@ class StopFlags:
         self.turn_away(f"the case uses the bench or writes evidence from {where}", hint)
 
     def turn_away(self, why: str, hint: str) -> NoReturn:
-        """Keep why something was turned away, for the case that runs, and raise it.
+        """Keep why something was refused, for the running case, and raise it.
 
         Raises:
             Astray: always.
         """
         self.astray = why
         if self.is_copy and self.word_home >= 0:
-            with suppress(OSError):  # a full pipe holds enough of them
+            with suppress(OSError):  # a full pipe holds enough reports
                 os.write(self.word_home, f"{why}\n".encode())
         raise Astray(why, hint)
 
 
 class Turn:
-    """One case's turn at the bench and at the evidence; it is over when the next case has its own.
+    """One case's turn at the bench and at the evidence; it is over when the next case's begins.
 
     Args:
         flags: count the turns.
-        first: is done before anything that the case asks for: a record may hold something that comes before.
+        first: called before anything that the case requests: a record may hold something that comes first.
     """
 
     def __init__(self, flags: StopFlags, first: Callable[[], None] = lambda: None) -> None:
@@ -235,7 +235,7 @@ class Turn:
         """Serve the case undisturbed, if it is its turn.
 
         Raises:
-            Astray: if the case has ended, and another one kept hold of what belongs to it.
+            Astray: if the case has ended, and another one kept something that belongs to it.
         """
         self.require()
         with self._flags.undisturbed():
@@ -243,31 +243,31 @@ class Turn:
             yield
 
     def guarded(self, journal: EventSink) -> EventSink:
-        """Return where events of this case are written, as long as it is its turn."""
+        """Return the journal for this case, which is valid as long as it is its turn."""
         return _Guarded(journal, self.require)
 
     def require(self) -> None:
-        """Turn away whatever belongs to a case that has ended."""
+        """Refuse whatever belongs to a case that has ended."""
         if self._number != self._flags.turns:
             hint = "let each case ask for its roles, record, check and step itself, and keep none of them for another"
             self._flags.turn_away("what belongs to a case that has ended is used in another case", hint)
 
 
 class _Guarded:
-    """A journal for as long as a case has its turn."""
+    """A journal that is valid as long as a case has its turn."""
 
     def __init__(self, journal: EventSink, require: Callable[[], None]) -> None:
         self._journal = journal
         self._require = require
 
     def write(self, event: Event, *, beside: Mapping[str, object] = NOTHING) -> None:
-        """Write an event down, if it is the case's turn."""
+        """Write an event, if it is the case's turn."""
         self._require()
         self._journal.write(event, beside=beside)
 
 
 def leave_unsealed() -> None:
-    """End the process for a run that nobody seals."""
+    """End the process without sealing the run."""
     sys.stderr.write("hil: a case let neither a stop nor a timeout end it, so the process ends here\n")
     sys.stderr.flush()
     os._exit(_INTERNAL)
@@ -275,13 +275,13 @@ def leave_unsealed() -> None:
 
 @contextmanager
 def kept_from_copies(descriptors: Descriptors) -> Iterator[None]:
-    """Let every copy of this process that a case forks let go of descriptors at once, until the context is left.
+    """Make every forked copy of this process release descriptors at once, until the context is left.
 
-    A copy may live on, and holds nothing of the bench or of the run. What is started by executing a program has none
-    of them anyway: all are closed on exec.
+    A copy may live on, but holds nothing of the bench or of the run. A program that is executed inherits none of them:
+    all are closed on exec.
 
     Args:
-        descriptors: gives them, at the moment of a fork.
+        descriptors: returns them, at the moment of a fork.
     """
     _kept.append(descriptors)
     try:
@@ -290,8 +290,8 @@ def kept_from_copies(descriptors: Descriptors) -> Iterator[None]:
         _kept.remove(descriptors)
 
 
-def _let_go() -> None:
-    """Put nothing in their place: their numbers stay taken, so that no object of the copy closes another file."""
+def _release_descriptors() -> None:
+    """Replace them with /dev/null: their numbers stay in use, so that no object of the copy closes another file."""
     with suppress(OSError):
         nothing = os.open(os.devnull, os.O_RDWR | os.O_CLOEXEC)
         for descriptors in _kept:
@@ -301,4 +301,4 @@ def _let_go() -> None:
 
 
 if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_let_go)
+    os.register_at_fork(after_in_child=_release_descriptors)

@@ -1,1 +1,1 @@
-"""What a run writes down while it runs: events, rows and the upkeep of both."""
+"""Journaling of a running run: events, rows, and their upkeep."""

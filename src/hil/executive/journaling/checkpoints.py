@@ -1,4 +1,4 @@
-"""Checkpoints of a simulated bench, on the disk every second, from which a killed run can be resumed."""
+"""Checkpoints of a simulated bench, written every second, from which a killed run can be resumed."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ __all__ = ["Checkpoints", "read_checkpoint"]
 _FORMAT = 3
 _EVERY_S = 1.0
 _SHARE = 20
-"""Of this many seconds one at most goes into checkpoints, however large the world is."""
+"""At most one in this many seconds goes into checkpoints, however large the world is."""
 
 
 class Checkpoints:
-    """Writes down where the bench is.
+    """Writes checkpoints of the bench.
 
-    The transcript is on the disk up to there before, and holds all that a case has learnt until then.
+    The transcript up to each checkpoint is on disk first, and holds everything that a case has learnt until then.
 
     Args:
         folder: the run's folder.
-        bench: the bench; nothing is written of one that cannot tell where it is.
+        bench: the bench; nothing is written for one without checkpoints.
     """
 
     def __init__(self, folder: Path, bench: BoundBench) -> None:
@@ -41,7 +41,7 @@ class Checkpoints:
         self._due = wall.monotonic() + _EVERY_S
 
     def tick(self) -> None:
-        """Write one if it is time; called at scheduling points only.
+        """Write one if it is due; called at scheduling points only.
 
         Raises:
             OSError: if the disk is full or fails.
@@ -54,7 +54,7 @@ class Checkpoints:
         self._due = now + max(_EVERY_S, _SHARE * (now - began))
 
     def soon(self) -> None:
-        """Let the next scheduling point write one."""
+        """Have the next scheduling point write one."""
         self._due = 0.0
 
     def write(self) -> None:
@@ -67,16 +67,16 @@ class Checkpoints:
         if found := self._bench.checkpoint():
             self._run = self._run or _mark_of(self._path.parent)
             state = json.dumps(found.state)
-            told = {"format": _FORMAT, "run": self._run, "at_ns": found.at_ns, "operations": found.operations}
-            told["sha256"] = _digest(found.at_ns, found.operations, state)
-            write_whole(self._path, f'{json.dumps(told)[:-1]}, "state": {state}}}'.encode())
+            fields = {"format": _FORMAT, "run": self._run, "at_ns": found.at_ns, "operations": found.operations}
+            fields["sha256"] = _digest(found.at_ns, found.operations, state)
+            write_whole(self._path, f'{json.dumps(fields)[:-1]}, "state": {state}}}'.encode())
 
 
 def read_checkpoint(folder: Path) -> Checkpoint | None:
     """Return the last checkpoint of a run, None if there is none.
 
     Raises:
-        EvidenceError: if it cannot be read, or is not of this run, or of more than the run's transcript holds.
+        EvidenceError: if it cannot be read, belongs to another run, or is ahead of the run's transcript.
     """
     path = folder / CHECKPOINT
     try:
@@ -98,7 +98,7 @@ def _of_run(found: Checkpoint, folder: Path) -> Checkpoint:
 
 
 def _mark_of(folder: Path) -> str:
-    """Return the hash of a run's first event, which no other run has."""
+    """Return the hash of a run's first event, which identifies the run."""
     with open_plain(folder / JOURNAL) as lines:
         return hashlib.sha256(lines.readline()).hexdigest()
 
@@ -107,11 +107,11 @@ def _digest(at_ns: int, operations: int, state: str) -> str:
     return hashlib.sha256(f"{at_ns} {operations} {state}".encode()).hexdigest()
 
 
-def _checkpoint(told: Mapping[str, Any], run: str) -> Checkpoint:
-    if told["format"] != _FORMAT:
-        raise ValueError(f"it has format {told['format']!r:.20}")
-    if told["run"] != run:
+def _checkpoint(fields: Mapping[str, Any], run: str) -> Checkpoint:
+    if fields["format"] != _FORMAT:
+        raise ValueError(f"it has format {fields['format']!r:.20}")
+    if fields["run"] != run:
         raise ValueError("it is of another run")
-    if told["sha256"] != _digest(told["at_ns"], told["operations"], json.dumps(told["state"])):
+    if fields["sha256"] != _digest(fields["at_ns"], fields["operations"], json.dumps(fields["state"])):
         raise ValueError("it is not what was written")
-    return Checkpoint(at_ns=int(told["at_ns"]), operations=int(told["operations"]), state=dict(told["state"]))
+    return Checkpoint(at_ns=int(fields["at_ns"]), operations=int(fields["operations"]), state=dict(fields["state"]))

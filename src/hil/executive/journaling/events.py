@@ -1,4 +1,4 @@
-"""Events: written to the journal first, then shown to all listeners."""
+"""Event dispatch: events are written to the journal first, then shown to all listeners."""
 
 from __future__ import annotations
 
@@ -16,85 +16,85 @@ from hil.model.errors import Diverged, EvidenceError
 __all__ = ["DISK_FULL", "Caller", "Eventful", "Events", "Listener", "Retraced", "Unheard"]
 
 DISK_FULL = "disk full"
-"""The reason of a stop that the disk asked for."""
+"""The reason of a stop caused by a full disk."""
 
 Listener = Callable[[Event], None]
 """Takes one event, with its bench time; what it raises would stop a run, so it must not raise."""
 
 
 class Retraced(Protocol):
-    """The events of an interrupted run, which a resumed one reproduces before it writes anything new."""
+    """The events of an interrupted run, which a resumed one retraces before it writes anything new."""
 
     @property
     def over(self) -> bool:
-        """Whether every event that comes again has come."""
+        """Whether every event that recurs has been retraced."""
         ...
 
     @property
     def course(self) -> int:
-        """How many events of the run's own course stand before them, in the head of the journal."""
+        """How many events of the run's own course are before them, in the head of the journal."""
         ...
 
     def take(self, event: Event, t: float) -> bool:
-        """Return whether the journal holds this event next; see `Past.take`."""
+        """Return whether this event is the next one in the journal; see `Past.take`."""
         ...
 
     def skip(self, last: int) -> None:
-        """Pass over the events up to sequence number `last`, which are void."""
+        """Skip the events up to sequence number `last`, which are void."""
         ...
 
     def resume(self, t: float, entry: Entry | None) -> None:
-        """Write down at bench time `t` that the run was resumed, and where it was entered, if not where it was."""
+        """Record at bench time `t` that the run was resumed, with its point of entry unless it simply continues."""
         ...
 
 
 class Eventful(Protocol):
-    """The run whose events they are."""
+    """The run that the events belong to."""
 
     def before_event(self) -> None:
-        """Come to where the run is, before the event is stamped."""
+        """Called before the event is stamped: catch up with where the run is."""
         ...
 
     def before_line(self) -> None:
-        """Hand what the event stands on to the operating system, before a line of the journal is written."""
+        """Called before a line of the journal is written: hand what the event is based on to the operating system."""
         ...
 
     def after_event(self, course: int) -> None:
-        """Come after an event of the run's own course, of which there are so many now."""
+        """Called after an event of the run's own course, with their number so far."""
         ...
 
 
 class Caller(Protocol):
-    """Anyone who called for the run, and hears of what it cannot come back from."""
+    """The caller of a run, notified of what the run cannot recover from."""
 
     def diverged(self, error: Diverged) -> None:
-        """Hear why a resumed run does not come to its past again; nothing is to be written any more."""
+        """Report why a resumed run does not retrace its past; nothing more may be written."""
         ...
 
     def stopped_early(self) -> None:
-        """Hear that a resumed run is to stop before it has replayed its past: it cannot."""
+        """Report that a resumed run is to stop before it has retraced its past, which it cannot do."""
         ...
 
     def expect(self, seconds: float | None) -> None:
-        """Expect to be called again within so many seconds, and end the process if not; None ends that."""
+        """Start a timeout: without another call within this many seconds the process is ended; None cancels it."""
         ...
 
     def given_up(self) -> None:
-        """Seal and end the process, for a case that never ends; nothing of the run is left then."""
+        """Seal and end the process, for a case that never ends."""
         ...
 
 
 class Unheard:
-    """Nobody called for the run: what it cannot come back from is raised, or ends the process."""
+    """No caller: what the run cannot recover from is raised, or ends the process."""
 
     def diverged(self, error: Diverged) -> None:
-        """Do nothing: it is raised."""
+        """Do nothing: the error is raised."""
 
     def stopped_early(self) -> None:
         """Do nothing: the stop is raised at the next scheduling point."""
 
     def expect(self, seconds: float | None) -> None:
-        """Expect nothing: a person waits for it."""
+        """Start no timeout: a person waits for the run."""
 
     def given_up(self) -> None:
         """End the process without a seal."""
@@ -102,13 +102,13 @@ class Unheard:
 
 
 class Events:
-    """The one vocabulary between the run and everything downstream.
+    """The one channel between the run and everything downstream.
 
     Args:
-        journal: where every event is written before anybody sees it.
-        flags: asked to end the run once the disk is full; later events go in as far as space allows.
-        past: the events of a resumed run so far, which come again first and are not written a second time.
-        caller: hears why a resumed run does not come to its past again.
+        journal: where every event is written before any listener sees it.
+        flags: requested to end the run once the disk is full; later events are written as far as space allows.
+        past: the events of a resumed run so far, which are retraced first and not written a second time.
+        caller: is notified why a resumed run does not retrace its past.
     """
 
     def __init__(
@@ -136,35 +136,35 @@ class Events:
         return self._journal.lost
 
     def follow(self, clock: Clock) -> None:
-        """Stamp events with this clock from now on; before that they are at zero."""
+        """Stamp events with this clock from now on; before, they are stamped zero."""
         self._clock = clock
 
     def serve(self, run: Eventful) -> None:
-        """Tell this run of every further event before it is written, and after that."""
+        """Notify this run of every further event, before and after it is written."""
         self._run = run
 
     def tick(self) -> None:
-        """Bring events to the disk that wait for long, see `Journal.tick`."""
+        """Sync events that have waited long enough, see `Journal.tick`."""
         self._journal.tick()
 
     def listen(self, listener: Listener, *kinds: type[Event]) -> None:
         """Show every further event of these kinds to `listener`.
 
-        Where none is named, they are those that it `hears`, and of effects those whose kind is among its `effects`;
-        one without such attributes is shown all. A case has thousands of readings that are for nobody but the journal.
+        By default they are the ones it `hears`, and of effects those whose kind is among its `effects`; a listener
+        without these attributes is shown all. A case has thousands of readings that are for the journal only.
         """
         self._listeners[listener] = kinds or getattr(listener, "hears", (Event,))
         self._hearing.clear()
 
     def write(self, event: Event, *, beside: Mapping[str, object] = NOTHING) -> None:
-        """Write an event down, then show it; a line of the journal is never cut in two by a request to stop.
+        """Write an event, then show it; a line of the journal is never cut in two by a request to stop.
 
         Args:
             event: the event, not stamped yet.
             beside: see `Journal.write`.
         """
         run = self._run
-        with self._flags.undisturbed():  # the number of events says where bench time caught up with the present
+        with self._flags.undisturbed():  # the number of events marks where bench time caught up with the present
             if run is not None:
                 run.before_event()
             t = self._now()
@@ -186,29 +186,29 @@ class Events:
         for listener in listeners:
             try:
                 listener(event)
-            except (OSError, ValueError):  # a display that is gone: what it is given would wait in its buffer for ever
+            except (OSError, ValueError):  # a display that is gone: its buffer would keep everything for ever
                 self._listeners.pop(listener, None)
                 self._hearing.clear()
-            except (Exception, SystemExit):  # noqa: BLE001, S112 - the bench must not hear of it
+            except (Exception, SystemExit):  # noqa: BLE001, S112 - a listener's failure must not affect the bench
                 continue
 
     def _is_for(self, listener: Listener, kind: type[Event], effect: str) -> bool:
-        """Return whether events of a kind, of effects those of this kind of theirs, are for a listener."""
+        """Return whether a listener wants events of a kind, and for effects, of this kind of effect."""
         effects = getattr(listener, "effects", None)
         return issubclass(kind, self._listeners[listener]) and (not effect or effects is None or effect in effects)
 
     def skip(self, last: int) -> None:
-        """Let the events of the past up to sequence number `last` not come again: they are void."""
+        """Skip the events of the past up to sequence number `last`: they are void."""
         if self._past is not None:
             self._past.skip(last)
 
     @property
     def comes_again(self) -> bool:
-        """Whether the journal holds events that have not come again yet."""
+        """Whether the journal holds events that have not been retraced yet."""
         return self._past is not None and not self._past.over
 
     def end_of_past(self, entry: Entry | None = None) -> None:
-        """Note that everything has come again, if it has, and where the run was entered, if not where it was."""
+        """Note it if everything has been retraced, with the point of entry unless the run simply continues."""
         if self._past is not None and self._past.over:
             past, self._past = self._past, None
             past.resume(self._now(), entry)

@@ -1,4 +1,4 @@
-"""What a run freezes after its head: files that code uses for the first time. And what changed on the disk since."""
+"""Late freezing: files that code uses for the first time during a run, and detection of changes on disk since."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ __all__ = ["Freezing", "freezing"]
 
 
 class Freezing:
-    """Keeps every further file that code uses in the run's folder, with an event.
+    """Freezes every further file that code uses into the run's folder, with an event.
 
     Args:
         inputs: what was read.
         folder: the run's folder.
         journal: where events are written.
-        flags: keep stop requests from coming between a file and its event.
+        flags: prevent stop requests between a file and its event.
     """
 
     def __init__(self, inputs: Inputs, folder: Path, journal: Events, flags: StopFlags) -> None:
@@ -41,7 +41,7 @@ class Freezing:
         self._executed: Executed | None = None
 
     def compare_executed(self) -> None:
-        """Compare, from now on, what the run executes with what was installed; evidence from hardware needs that."""
+        """From now on, compare what the run executes with what was installed; evidence from hardware needs that."""
         self._executed = Executed(self._inputs)
 
     def heard(self, event: events.Event) -> None:
@@ -55,14 +55,14 @@ class Freezing:
                 self._case = ""
 
     def used(self, path: Path) -> None:
-        """Freeze a file that code used for the first time; what another thread used, when the case has ended."""
+        """Freeze a file that code used for the first time; one used by another thread, when the case has ended."""
         name = self._inputs.name_of(path)
         if name in self._frozen or self._flags.is_copy:
             return
         if threading.get_ident() != self._home:
             self._waiting.append(path)
             return
-        with self._flags.undisturbed():  # there is no file without its event
+        with self._flags.undisturbed():  # no file without its event
             self._frozen.add(name)
             data = self._inputs.snapshot.take(path)
             (self._folder / name).parent.mkdir(parents=True, exist_ok=True)
@@ -72,7 +72,7 @@ class Freezing:
             self._journal.write(events.FrozenLater(file=name, sha256=digest, case=self._case, reaches=reaches))
 
     def end_of_case(self) -> list[HilError]:
-        """Freeze what waits, and return what was refused to the case, whatever it made of it."""
+        """Freeze what is pending, and return what was refused to the case, even if the case ignored it."""
         while self._waiting:
             self.used(self._waiting.pop(0))
         if self._executed is not None and (problems := self._executed.new_problems()):
@@ -80,7 +80,7 @@ class Freezing:
         return self._inputs.take_refused()
 
     def tell_changes(self) -> None:
-        """Write down which files are no longer the same on the disk, and what else was executed."""
+        """Record which files have changed on disk, and what else was executed."""
         if self._executed is not None:
             its = self._executed
             self._journal.write(events.Executed(packages=its.packages(), problems=its.last_problems(), last=True))

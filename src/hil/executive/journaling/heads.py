@@ -1,4 +1,4 @@
-"""Heads of the running journal in the ledger, outside of the package: what is known there cannot be cut off again."""
+"""Heads of the running journal in the ledger, outside the package: what is entered there cannot be cut off later."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from hil.model.verdict import Verdict
 __all__ = ["Heads"]
 
 _APART_S = 1.0
-"""Heads of checks that are good come so far apart; the next event brings what waits."""
+"""Interval between heads for good checks; the next event enters what is pending."""
 
 _LEARNS = frozenset({"asks", "reads", "records"})
 _OTHERS = (
@@ -30,25 +30,25 @@ _OTHERS = (
     events.Recording,
     events.Step,
 )
-"""Kinds of events beside plan and stop that nobody may take back, or that begin something."""
+"""Irrevocable kinds of events besides plan and stop, and kinds that begin something."""
 
 
 class Heads:
-    """Enters the head of a run's journal in the ledger, at every event that nobody may take back.
+    """Enters the head of a run's journal in the ledger at every irrevocable event.
 
-    That is the plan, the first reading of an attempt, every check, the end of a case, a loss, a stop. The journal is
-    on the disk up to there before: after a power cut it holds all that the ledger saw. Of a bench in the process of
+    These are the plan, the first reading of an attempt, every check, the end of a case, a loss, a stop. The journal up
+    to there is on disk first: after a power cut it holds all that the ledger has seen. For a bench in the process of
     the run, which closes nothing, only plan and stop are entered.
 
     Args:
         folder: the run's folder; the ledger is beside it.
         journal: its journal.
-        tell: is told once that the ledger cannot be written; the run goes on.
+        tell: called once if the ledger cannot be written; the run continues.
         source: where the run's bytes come from.
         all_of_them: whether more than plan and stop are entered.
 
     Attributes:
-        hears: the kinds of events that it has to be shown.
+        hears: the kinds of events that it needs.
     """
 
     def __init__(
@@ -60,18 +60,18 @@ class Heads:
         self._source = source
         self._all = all_of_them
         self.hears: tuple[type[events.Event], ...] = (events.Planned, events.Stop, *(_OTHERS if all_of_them else ()))
-        self._learnt = self._told = self._waits = False
+        self._learnt = self._reported = self._waits = False
         self._entered = journal.count
         self._last = -_APART_S
 
     def __call__(self, event: events.Event) -> None:
-        """Enter the head, if this event is new and one of those; what comes again is known already."""
+        """Enter the head, if this event is new and irrevocable; retraced events are known already."""
         if self._journal.count <= self._entered:
             return
         if isinstance(event, events.Planned | events.Stop):
             self._enter(event)
             if isinstance(event, events.Planned) and self._all:
-                self._tell_of_clock()
+                self._report_clock()
         elif self._all and self._counts(event):
             patient = isinstance(event, events.Check) and event.verdict in {Verdict.PASS, Verdict.RECORDED}
             if patient and wall.monotonic() - self._last < _APART_S:
@@ -82,7 +82,7 @@ class Heads:
             self._enter(event)
 
     def _counts(self, event: events.Event) -> bool:
-        """Return whether nobody may take an event back; of what a case reads the first of an attempt is enough."""
+        """Return whether an event is irrevocable; of a case's readings, the first of an attempt is enough."""
         match event:
             case events.Case() | events.Step():
                 if isinstance(event, events.Case) or event.turn is not None:
@@ -94,9 +94,9 @@ class Heads:
                 return first
         return True
 
-    def _tell_of_clock(self) -> None:
-        """Tell where the ledger already has an entry of a later time: no run then closes anything."""
-        with suppress(EvidenceError):  # which the entry before has told
+    def _report_clock(self) -> None:
+        """Report if the ledger already has an entry of a later time: the run then closes nothing."""
+        with suppress(EvidenceError):  # already reported by the entry before
             ledger = read(self._folder.parent)
             if ledger.entries and (why := set_back(ledger.entries).get(ledger.entries[-1].seq)):
                 self._tell(f"{DOUBT}the times of this run cannot be believed: {why}")
@@ -115,6 +115,6 @@ class Heads:
             )
             append(self._folder.parent, seen)
         except (OSError, EvidenceError) as error:
-            if not self._told:
-                self._told = True
+            if not self._reported:
+                self._reported = True
                 self._tell(f"the ledger does not know how far this run came: {error}")

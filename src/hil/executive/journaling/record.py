@@ -1,4 +1,4 @@
-"""The record of one run while it runs: its folder, journal, row files and transcript, and their upkeep."""
+"""Record of a run in progress: its folder, journal, row files and transcript, and their upkeep."""
 
 from __future__ import annotations
 
@@ -36,11 +36,11 @@ _NOTICED_S = 1.0
 
 
 class Timekeeping:
-    """Compares three clocks: one that stands while the machine is suspended, one that does not, and the time of day.
+    """Compares three clocks: one that stops while the machine is suspended, one that does not, and the time of day.
 
     Args:
         journal: where events are written.
-        clocks: says what they say.
+        clocks: reads them.
     """
 
     def __init__(self, journal: EventSink, clocks: Callable[[], wall.Clocks] = wall.clocks) -> None:
@@ -49,7 +49,7 @@ class Timekeeping:
         self._before = clocks()
 
     def tick(self) -> None:
-        """Read the clocks and write down what one of them did alone since the last reading."""
+        """Read the clocks and record any divergence since the last reading."""
         before, now = self._before, self._clocks()
         self._before = now
         boot = now.boot - before.boot
@@ -62,38 +62,38 @@ class Timekeeping:
 
 
 class RunProgress(Protocol):
-    """How far a run is."""
+    """Progress of a run."""
 
     def note(self) -> None:
-        """Write down where the bench is, if it is time."""
+        """Write a checkpoint of the bench, if it is due."""
         ...
 
     def retraces(self) -> bool:
-        """Return whether the run still repeats its past; nothing from outside can be taken then."""
+        """Return whether the run is still retracing its past; nothing from outside can be taken then."""
         ...
 
 
 class KnowsCode(Protocol):
-    """Anyone who was sent a code."""
+    """The recipient of a code."""
 
     def knows(self, code: str) -> bool:
-        """Return whether this is the code that was sent last."""
+        """Return whether this is the latest code sent."""
         ...
 
 
 class Upkeep:
-    """Brings what waits to the disk and looks into the inbox.
+    """Syncs pending data to disk and polls the inbox.
 
     Args:
         folder: the run's folder.
         journal: where messages are written, and shown to all listeners.
         store: the open recordings.
         transcript: what went over the wire.
-        flags: asked to end the run when somebody says so, or the disk is full.
-        progress: how far the run is.
+        flags: requested to end the run when a message asks for it, or the disk is full.
+        progress: the progress of the run.
 
     Attributes:
-        elsewhere: takes answers to the question that waits.
+        elsewhere: takes answers to the pending question.
     """
 
     def __init__(
@@ -117,11 +117,11 @@ class Upkeep:
         self._flags = flags
 
     def expect(self, on_call: KnowsCode) -> None:
-        """Compare codes that come in with the one that this person was sent."""
+        """Compare incoming codes with the one sent to this person."""
         self._on_call = on_call
 
     def tick(self) -> None:
-        """Do it all."""
+        """Do all of it."""
         self.keep_time()
         self._flush(self._progress.note)
         if not (self._folder / RESERVE).exists():
@@ -133,7 +133,7 @@ class Upkeep:
             self._flags.request("another terminal")
 
     def keep_time(self) -> None:
-        """Write down what the machine's clocks did, before anything that was stamped by them."""
+        """Record what the machine's clocks did, before anything stamped by them."""
         self._timekeeping.tick()
 
     def _take(self, message: Message) -> None:
@@ -147,7 +147,7 @@ class Upkeep:
         elif message.kind == "answer":
             path = self._folder / ATTACHMENTS / message.file if message.file else None
             if problem := self.elsewhere.take(message.name, message.text, message.by, path, message.witness):
-                if path is not None:  # whoever sent it still has it
+                if path is not None:  # the sender still has it
                     path.unlink(missing_ok=True)
                 text = f"inbox, answer by {message.by or 'nobody'}: {problem}"
                 self._events.write(events.Anomaly(text=text))
@@ -155,7 +155,7 @@ class Upkeep:
             self._events.write(event_of(message), beside=message.beside)
 
     def flush(self) -> None:
-        """Bring what waits to the disk."""
+        """Sync pending data to disk."""
         self._flush(lambda: None)
 
     def _flush(self, then: Callable[[], None]) -> None:
@@ -170,15 +170,15 @@ class Upkeep:
                 self.flush()
 
     def _disk_is_full(self) -> None:
-        """Ask for an end from which the run can be resumed once there is space again."""
+        """Request an end from which the run can be resumed once there is space again."""
         self._flags.leave_off(DISK_FULL)
 
 
 class Beginning(Protocol):
-    """What a run begins from, for its record: a folder of its own, or that of an interrupted run.
+    """Beginning of a run, as its record sees it: a folder of its own, or that of an interrupted run.
 
     Attributes:
-        resumes: whether the folder holds rows and operations that come again before anything new is written.
+        resumes: whether the folder holds rows and operations that are retraced before anything new is written.
     """
 
     resumes: bool
@@ -196,26 +196,26 @@ class Beginning(Protocol):
         ...
 
     def take_over(self, folder: Path) -> None:
-        """Make a folder ready that is held by now.
+        """Prepare a folder that is now held.
 
         Raises:
-            Refused: if another process went on with it.
+            Refused: if another process has continued it.
         """
         ...
 
     def past(self, journal: Journal) -> Retraced | None:
-        """Return the events that come again, None if none do."""
+        """Return the events to retrace, None if there are none."""
         ...
 
     def write_head(
         self, configuration: Configuration, planned: Sequence[PlannedCase], folder: Path, events: Events
     ) -> None:
-        """Write the first events, or show those that stand there already."""
+        """Write the first events, or show those that exist already."""
         ...
 
 
 class _Sink(FileIO):
-    """The file of a transcript, which is full while `frozen`."""
+    """The file of a transcript; it counts as full while `frozen`."""
 
     def __init__(self, path: Path, mode: str, frozen: Callable[[], bool]) -> None:
         super().__init__(path, mode)
@@ -229,16 +229,16 @@ class _Sink(FileIO):
 
 
 class Record:
-    """What a run writes down, and what of an interrupted run comes again before anything new is written.
+    """What a run records, and what it retraces of an interrupted run before anything new is written.
 
     Args:
         configuration: what the run is made of.
         flags: stop requests.
-        leases: what the run must hold alone.
+        leases: what the run must hold exclusively.
         listeners: are shown every event.
         beginning: what the run begins from.
-        caller: hears why a resumed run does not come to its past again.
-        closing: lets go of folder and leases when the run is over.
+        caller: is notified why a resumed run does not retrace its past.
+        closing: releases folder and leases when the run is over.
     """
 
     def __init__(
@@ -265,7 +265,7 @@ class Record:
         self.events = Events(self._journal, flags, beginning.past(self._journal), caller)
         for listener in listeners:
             self.events.listen(listener)
-        if leases:  # nobody resumes a rehearsal
+        if leases:  # a rehearsal is not resumed
             self.events.listen(self._heads(configuration))
         self.store = RowStore(
             self.folder,
@@ -283,15 +283,15 @@ class Record:
 
     @property
     def descriptors(self) -> list[int]:
-        """What holds the run's folder and its leases, as long as any process has it open."""
+        """The descriptors that hold the run's folder and its leases, as long as any process has them open."""
         return [self._hold, *self.lease.descriptors]
 
     def begin(self, planned: Sequence[PlannedCase]) -> None:
-        """Write the head of a new run; that of an interrupted one stands there already, and is only shown."""
+        """Write the head of a new run; that of an interrupted one exists already, and is only shown."""
         self._beginning.write_head(self._configuration, planned, self.folder, self.events)
 
     def follow(self, bench: BoundBench, *, checkpoints: bool) -> None:
-        """Stamp events with the bench's time, and write down where it is if `checkpoints`."""
+        """Stamp events with the bench's time, and write checkpoints of it if `checkpoints`."""
         self._bench = bench
         self.events.follow(bench.clock)
         if bench.playback is not None:
@@ -310,15 +310,15 @@ class Record:
         )
 
     def leave_open(self) -> None:
-        """Write down where the bench is, and close everything without a seal, so that the run can be resumed."""
+        """Write a checkpoint of the bench, and close everything without a seal, so that the run can be resumed."""
         self.upkeep.flush()
         if self._checkpoints is not None:
-            with suppress(OSError, EvidenceError):  # on a full disk the one before will do
+            with suppress(OSError, EvidenceError):  # on a full disk the previous one will do
                 self._checkpoints.write()
         self.abandon()
 
     def retraces(self) -> bool:
-        """Return whether this is a resumed run that has not yet come to all that is written down."""
+        """Return whether this is a resumed run that has not yet retraced everything on record."""
         if self._retraces:
             answered = self._bench is None or self._bench.playback is not None
             parts = (self.events, self.transcript, self.store)
@@ -326,7 +326,7 @@ class Record:
         return self._retraces
 
     def end_recordings(self, recordings: Iterable[events.Recording]) -> int:
-        """End recordings of a past that is void, and return the sequence number of the last event."""
+        """End recordings of a void past, and return the sequence number of the last event."""
         end_recordings(self.folder, self._journal, recordings)
         return self._journal.count - 1
 
@@ -342,9 +342,10 @@ class Record:
         self._journal.close()
 
     def before_line(self) -> None:
-        """Come before an event of a live bench; after a wake nobody knows whether there is another one.
+        """Called before an event of a live bench: record what the clocks did, and write out the operations before it.
 
-        Such a bench is not made again from a checkpoint: each event needs the operations before it.
+        Such a bench is not restored from a checkpoint: each event needs the operations before it. After a wake it is
+        unknown whether another event will follow.
 
         Raises:
             OSError: if the disk has no space for them, nor a reserve to release.
@@ -360,18 +361,18 @@ class Record:
     def _frozen(self) -> bool:
         """Return whether rows and transcript wait for the journal, which has no space for an event.
 
-        A bench in this process is made again, and has to come to what they hold: to nothing from after a stop that
-        the journal does not know of.
+        A resumed bench in this process retraces what they hold, so they must hold nothing from after a stop that the
+        journal does not know of.
         """
         return self._configuration.reach is None and self.events.lost > 0
 
     def _released(self, _: Event) -> None:
-        """Do not let a run that is killed now begin in the middle of a hold that is over."""
+        """Write a checkpoint soon, so that a run killed now does not resume in the middle of a hold that is over."""
         if self._checkpoints is not None:
             self._checkpoints.soon()
 
     def note(self) -> None:
-        """Write down where the bench is; of a resumed run first that it was resumed."""
+        """Write a checkpoint if due; in a resumed run, first record that it was resumed."""
         self.events.end_of_past()
         if self._checkpoints is not None:
             self._checkpoints.tick()

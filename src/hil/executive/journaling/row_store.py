@@ -1,4 +1,4 @@
-"""The row files that are open, for all recordings."""
+"""Store of the open row files of all recordings."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ __all__ = ["OpenRecording", "RowStore"]
 
 
 class OpenRecording:
-    """A recording that grows. Finish it, also after an error: what is there is kept as incomplete."""
+    """A growing recording. Finish it even after an error: what exists is kept as incomplete."""
 
     def __init__(
         self,
@@ -49,10 +49,10 @@ class OpenRecording:
         return self.rows.append
 
     def finish(self, *, complete: bool) -> str:
-        """Write the end down and return the hash of all rows; on a full disk it has no end, and the hash is empty.
+        """Record the end and return the hash of all rows; on a full disk there is no end, and the hash is empty.
 
         Raises:
-            Stopped: on a full disk, if it is a case's.
+            Stopped: on a full disk, if the recording is a case's.
         """
         self._forget(self)
         try:
@@ -72,15 +72,15 @@ class OpenRecording:
 
 
 class RowStore:
-    """Opens recordings in a run's folder and keeps those that are open near the disk.
+    """Opens recordings in a run's folder and keeps the open ones synced to disk.
 
     Args:
         folder: the run's folder.
         journal: where events are written.
-        again: whether rows that the folder holds already are made again, see `Rows`.
-        caller: hears of rows that are others than the folder holds, before that is raised.
-        full: hears that a full disk has no space for rows.
-        frozen: whether no rows are to be written, see `Record`.
+        again: whether rows that the folder already holds are repeated, see `Rows`.
+        caller: is notified of rows that differ from those in the folder, before that is raised.
+        full: is called when a full disk has no space for rows.
+        frozen: whether rows are held back, see `Record`.
 
     Attributes:
         number: the number that the next recording gets.
@@ -110,7 +110,7 @@ class RowStore:
 
     @property
     def comes_again(self) -> bool:
-        """Whether the folder holds rows of open recordings that have not come again yet."""
+        """Whether the folder holds rows of open recordings that have not been repeated yet."""
         return any(each.rows.comes_again for each in self._open)
 
     @property
@@ -119,7 +119,7 @@ class RowStore:
         return self._folder / RECORDINGS
 
     def begin(self, facts: events.Recording) -> OpenRecording:
-        """Write the beginning down and open the row file."""
+        """Record the beginning and open the row file."""
         self._journal.write(facts)
         rows = self._rows_of(facts)
         recording = OpenRecording(facts, rows, self._journal, self._open.remove)
@@ -154,7 +154,7 @@ class RowStore:
         return rows
 
     def _hear_full(self, facts: events.Recording, error: DiskFull) -> None:
-        """End the case whose rows found no space, as whatever else stops the run does; all others wait."""
+        """End the case whose rows found no space, as any other stop does; all other rows wait."""
         self._full()
         if facts.case is not None:
             raise Stopped(DISK_FULL) from error
@@ -165,15 +165,15 @@ class RowStore:
         return os.write(descriptor, data)
 
     def holds(self, recording: OpenRecording) -> bool:
-        """Return whether a recording is open still."""
+        """Return whether a recording is still open."""
         return recording in self._open
 
     def held(self, kept: str, after_end: Iterable[str] = ()) -> list[events.Voided]:
-        """Return what the folder holds of every open recording, and has not come again.
+        """Return the rows of every open recording that the folder holds and that have not been repeated.
 
         Args:
             kept: a recording of which nothing is void; empty for none.
-            after_end: recordings that come again as a whole, if they do, and of which everything is void.
+            after_end: recordings that, if at all, are repeated as a whole, and of which everything is void.
         """
         void = [
             events.Voided(recording=each.facts.recording, first=each.rows.rows, end=max(each.rows.rows, each.rows.held))
@@ -193,10 +193,10 @@ class RowStore:
     def pass_over(
         self, entry: events.Entry, void_rows: Callable[[events.Voided], NDArray[np.float64]] | None = None
     ) -> list[tuple[str, Callable[[], NDArray[np.float64]]]]:
-        """Take over the rows that are not made again; return each recording that has void rows, and what reads them.
+        """Accept the rows that are not repeated; return each recording that has void rows, and what reads them.
 
         Args:
-            entry: says which.
+            entry: names the rows.
             void_rows: returns rows, shape (rows, 1 + channels), for a run that does not hold them.
         """
         self._void_rows = void_rows
@@ -214,7 +214,7 @@ class RowStore:
         return [(part.recording, partial(read, part)) for part in void if part.first < part.end]
 
     def note_void(self, entry: events.Entry) -> None:
-        """Keep which rows were void when the run had been entered at a place at which it is entered again."""
+        """Keep which rows were void at an earlier entry of the run at the same place."""
         still_open = {each.facts.recording for each in self._open}
         for part in entry.rows:
             if part.recording in still_open:
@@ -244,6 +244,6 @@ class RowStore:
                 recording.finish(complete=False)
 
     def tick(self) -> None:
-        """Bring waiting rows of every open recording to the disk."""
+        """Sync pending rows of every open recording."""
         for recording in self._open:
             recording.rows.tick()

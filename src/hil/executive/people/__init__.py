@@ -1,1 +1,1 @@
-"""The people of a run: who answers, who is on call, and who is notified."""
+"""The people of a run: those who answer, are on call, or are notified."""

@@ -1,4 +1,4 @@
-"""Who answers questions: an answers file, the simulated person, or a person at the terminal."""
+"""Sources of answers: an answers file, the simulated person, or a person at the terminal."""
 
 from __future__ import annotations
 
@@ -54,12 +54,12 @@ __all__ = [
 ]
 
 SIMULATED_PERSON = "simulated person"
-"""The name under which the simulated bench's own person answers."""
+"""The name under which the simulated bench's person answers."""
 
 SIMULATED_WITNESS = "simulated witness"
 
 Answering = Callable[[BoundBench, Callable[[], None], Elsewhere], AnswerSource]
-"""Makes what answers a run's questions, from its bench, the scheduling point to pass while waiting, and elsewhere."""
+"""Makes a run's source of answers from its bench, the scheduling point to pass while waiting, and elsewhere."""
 
 _SCHEMA = "hil/answers/1"
 _SOMEBODY = "person at the terminal"
@@ -75,11 +75,11 @@ class Prompt(Protocol):
         ...
 
     def discard(self) -> None:
-        """Throw away what was typed so far, and say so."""
+        """Discard what was typed so far, and say so."""
         ...
 
     def line(self) -> str | None:
-        """Return a line with its newline if one was entered, None if not yet, an empty text at the end of input.
+        """Return a line with its newline if one was entered, None if not yet, an empty string at the end of input.
 
         It waits a fraction of a second at most.
         """
@@ -96,13 +96,13 @@ class Person(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Prepared:
-    """What an answers file holds.
+    """Content of an answers file.
 
     Attributes:
-        answers: name of the question to the answer.
-        witnesses: name of the question to the name of who witnesses the answer.
+        answers: the answers, by name of the question.
+        witnesses: the names of those who witness the answers, by name of the question.
         by: who prepared it, empty if it does not say.
-        places: where each `answer` and each `witness` stands, by that word and the name of the question.
+        places: where each `answer` and each `witness` is, by that word and the name of the question.
     """
 
     answers: Mapping[str, Text]
@@ -112,12 +112,12 @@ class Prepared:
 
 
 class AnswersFile:
-    """Answers by name, prepared for a run that nobody attends.
+    """Answers by name, prepared for an unattended run.
 
     Args:
-        prepared: what is in the file; a mapping stands for answers alone.
+        prepared: the file's content; a mapping is taken as answers only.
         shown: the file, for messages.
-        folder: where the paths of files begin that it gives as answers.
+        folder: the base of relative paths of files given as answers.
     """
 
     def __init__(self, prepared: Prepared | Mapping[str, str], shown: str, folder: Path = Path()) -> None:
@@ -151,10 +151,10 @@ class AnswersFile:
 
 
 class SimulatedPerson:
-    """The simulated bench's own person.
+    """The simulated bench's person.
 
     Args:
-        person: returns it; on a resumed bench there is none before the bench continues.
+        person: returns the person; on a resumed bench there is none before the bench continues.
     """
 
     def __init__(self, person: Callable[[], Person]) -> None:
@@ -167,15 +167,15 @@ class SimulatedPerson:
 
 
 class TerminalPerson:
-    """A person at the terminal; monitors and stop requests are served while an answer is awaited.
+    """A person at the terminal; monitors and stop requests are served while waiting for an answer.
 
-    A safety confirmation is answered by what is typed once it is shown, never by what was typed ahead.
+    A safety confirmation is answered only by what is typed after it is shown, never by what was typed ahead.
 
     Args:
         prompt: the terminal.
-        name: the person's name; asked for, with a safety confirmation, where it is empty.
+        name: the person's name; if empty, it is asked for with a safety confirmation.
         idle: the scheduling point to pass while waiting.
-        elsewhere: takes the answer of a person at another terminal, who may be first.
+        elsewhere: takes an answer from another terminal, which may come first.
     """
 
     def __init__(self, prompt: Prompt, name: str, idle: Callable[[], None], elsewhere: Elsewhere | None = None) -> None:
@@ -188,7 +188,7 @@ class TerminalPerson:
         """Show the question and wait for a line that answers it, here or elsewhere.
 
         Raises:
-            Declined: if the input has ended, so that no line will ever come.
+            Declined: if the input has ended, so that no line can come.
         """
         with self._elsewhere.asks(question):
             if question.safety:
@@ -220,7 +220,7 @@ class TerminalPerson:
             self._prompt.show(f"{problem}. Please give another" if problem else f"Please answer {form(question)}")
 
     def _witnessed(self, question: Question, by: str) -> str:
-        """Ask the witness for name and confirmation, where there has to be one."""
+        """Ask the witness for name and confirmation, if one is needed."""
         while question.witness:
             self._prompt.show(f"Witness ({question.witness}), your name:")
             if not (line := self._line()):
@@ -250,14 +250,14 @@ class TerminalPerson:
         return name
 
     def _line(self) -> str:
-        """Return what was typed, nothing at the end of input and once the question is answered elsewhere."""
+        """Return what was typed, empty at the end of input and once the question is answered elsewhere."""
         while (line := self._prompt.line()) is None and self._elsewhere.answer is None:
             self._idle()
         return line or ""
 
 
 class Nobody:
-    """What answers where nobody can."""
+    """Source of answers if nobody can answer."""
 
     def answer(self, question: Question) -> Answer:
         """Decline, and say what to do."""
@@ -268,7 +268,7 @@ class Nobody:
 
 
 class NobodyLive:
-    """What answers safety confirmations where no person can."""
+    """Source of safety confirmations if no person can give them."""
 
     def answer(self, question: Question) -> Answer:
         """Decline, and say what to do."""
@@ -279,7 +279,7 @@ class NobodyLive:
 
 
 class AskedLive:
-    """Lets a safety confirmation be given by a person only, whatever answers everything else.
+    """Routes safety confirmations to a person, whatever answers everything else.
 
     Args:
         person: the person, or `NobodyLive`.
@@ -296,7 +296,7 @@ class AskedLive:
 
 
 class FirstOf:
-    """The first source that knows the question answers; the last one decides what is said if none does."""
+    """Answers from the first source that knows the question; the last one decides what happens if none does."""
 
     def __init__(self, first: AnswersFile, last: AnswerSource, known: frozenset[str]) -> None:
         self._first = first
@@ -304,7 +304,7 @@ class FirstOf:
         self._known = known
 
     def answer(self, question: Question) -> Answer:
-        """Answer from the file where it has the name, else from the other; a near miss is not guessed at."""
+        """Answer from the file if it has the name, otherwise from the other; a near miss is not guessed at."""
         meant = nearest(question.name, self._known)
         return (self._first if question.name in self._known or meant else self._last).answer(question)
 
@@ -330,13 +330,13 @@ def load_answers(path: Path, shown: str) -> Prepared:
 
 
 class Answered:
-    """The answers that persons gave before the interruption: nobody is asked a second time.
+    """Answers given before the interruption: nobody is asked a second time.
 
-    The simulated person is: what it does with its hands belongs to a world that continues from before it did it.
+    The simulated person is the exception: its actions belong to a world that continues from before they were done.
 
     Args:
         lines: the journal's lines.
-        source: who answers what is new.
+        source: answers new questions.
         goes_on: returns whether the simulated world already continues.
     """
 
@@ -360,10 +360,10 @@ class Answered:
 
 
 class Recorded:
-    """Nobody, in a replay: the record answers by itself, and what nobody answered there is declined again.
+    """Source of answers in a replay: the record itself answers, and what was declined there is declined again.
 
     Args:
-        effects: those of the record.
+        effects: the effects of the record.
     """
 
     def __init__(self, effects: Iterable[Effect]) -> None:
@@ -378,9 +378,9 @@ class Recorded:
         return Nobody().answer(question)
 
 
-def _again(told: Event, question: Question) -> HilError:
-    """Return the error with which nobody answered then; what it said is in the reasons of its case."""
-    effect = told if isinstance(told, Effect) else None
+def _again(event: Event, question: Question) -> HilError:
+    """Return the error with which the question was declined then; its text is in the reasons of its case."""
+    effect = event if isinstance(event, Effect) else None
     kind = _DECLINED.get(effect.raised, Declined) if effect else Declined
     if effect and effect.why:
         return kind(effect.why, effect.hint)

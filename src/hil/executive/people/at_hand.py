@@ -1,4 +1,4 @@
-"""What persons have at hand when a case asks: instruments of the register that they read, and pictures of the plan."""
+"""What people have at hand when a case asks: instruments of the register to read, and pictures of the plan."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class AtHand:
 
 
 def at_hand(configuration: Configuration, plan: str) -> AtHand:
-    """Return what persons have at hand when a case of a plan asks."""
+    """Return what people have at hand when a case of a plan asks."""
     folder = configuration.workspace.testplans / plan
     return AtHand(instruments=configuration.hand, picture=partial(picture_of, configuration.inputs, folder))
 
@@ -51,7 +51,7 @@ def picture_of(inputs: Inputs, folder: Path, name: str) -> PlanPicture:
         name: the path of the picture in it.
 
     Raises:
-        Misused: if there is none, or it is none.
+        Misused: if it is missing, or not a picture.
     """
     known = {
         each.relative_to(folder).as_posix(): each

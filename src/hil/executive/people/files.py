@@ -1,4 +1,4 @@
-"""Files that a person gives as an answer: which kinds are taken, how they are examined, and how the run keeps them."""
+"""Files given as answers: the accepted kinds, how they are examined, and how the run keeps them."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ KINDS = {
     "csv": "CSV",
     "text": "text",
 }
-"""The kinds of files that are taken, and what people call them."""
+"""The accepted kinds of files, and what people call them."""
 
 PICTURES = ("png", "jpeg")
 _WORDS = {"picture": PICTURES, "document": tuple(KINDS)}
@@ -41,7 +41,7 @@ _TABLES = (".csv", ".tsv")
 _BLOCK = 1 << 20
 _EDGE = 1 << 12
 _SPARE = 16_000_000
-"""What a copy leaves free on the disk: the run has to write its end down."""
+"""Space that a copy leaves free on the disk, for the end of the run."""
 
 _PNG = b"\x89PNG\r\n\x1a\n"
 _JPEG = b"\xff\xd8\xff"
@@ -51,14 +51,14 @@ _ALONE = frozenset({0x01, *range(0xD0, 0xD8)})
 
 
 class Unfit(HilError):
-    """A file cannot be taken as an answer."""
+    """A file cannot be accepted as an answer."""
 
 
 def kinds_of(accepts: Sequence[str]) -> tuple[str, ...]:
-    """Return the kinds of files that a plan takes, all if it names none; `picture` is PNG and JPEG.
+    """Return the kinds of files that a plan accepts, all if it names none; `picture` is PNG and JPEG.
 
     Raises:
-        Misused: for a kind that is not taken.
+        Misused: for a kind that cannot be accepted.
     """
     for word in accepts:
         if word not in KINDS and word not in _WORDS:
@@ -78,11 +78,11 @@ def spoken_kinds(kinds: Sequence[str]) -> str:
 
 
 def said_path(line: str, folder: Path) -> Path:
-    """Return the path that a person typed, or dropped on the terminal, which may put it in quotes.
+    """Return the path that a person typed, or dropped on the terminal, which may quote it.
 
     Args:
         line: what was typed.
-        folder: where a relative path begins.
+        folder: the base of a relative path.
     """
     said = line.strip()
     if len(said) > 1 and said[0] == said[-1] and said[0] in "'\"":
@@ -96,7 +96,7 @@ def said_path(line: str, folder: Path) -> Path:
 
 
 def problem_of(path: Path, kinds: Sequence[str]) -> str:
-    """Return why a file cannot be taken, in words that tell what to do; empty if it can."""
+    """Return why a file cannot be accepted, and what to do; empty if it can."""
     try:
         with _opened(path) as stream:
             _examined(stream, path, kinds)
@@ -106,13 +106,13 @@ def problem_of(path: Path, kinds: Sequence[str]) -> str:
 
 
 class Shelf:
-    """Where the files lie that persons gave: copied whole, under names of the run's own, with their hashes.
+    """Store of the files that people gave: complete copies, under names of the run's own, with their hashes.
 
     Args:
         folder: `data/attachments` of the run.
-        recorded: where those lie that come from a record, in a replay that of the package; None for `folder`.
+        recorded: the folder of files that come from a record, in a replay that of the package; None for `folder`.
         point: the scheduling point; it is passed between the blocks of a copy.
-        made: the files that the run has made or kept there; what is kept here is added.
+        made: the files that the run has created or kept there; those kept here are added.
 
     Attributes:
         folder: as given.
@@ -126,19 +126,19 @@ class Shelf:
         self._made = made
 
     def take(self, path: Path, stem: str, kinds: Sequence[str], given: str = "") -> GivenFile:
-        """Copy a file into the run, and return what it is.
+        """Copy a file into the run, and return its description.
 
-        The copy has its name only once it is whole and on the disk. A file that is on the shelf already, because it
+        The copy gets its name only once it is complete and on disk. A file that is on the shelf already, because it
         came through the run's inbox, is moved.
 
         Args:
             path: the file.
             stem: what its name on the shelf begins with.
-            kinds: the kinds that are taken.
-            given: the name that it was given under; that of `path` if left out.
+            kinds: the accepted kinds.
+            given: its original name; by default that of `path`.
 
         Raises:
-            Unfit: if it cannot be taken, changes while it is copied, or does not fit on the disk.
+            Unfit: if it cannot be accepted, changes while it is copied, or does not fit on the disk.
         """
         part = self.folder / f"{stem}{PART}"
         try:
@@ -161,10 +161,10 @@ class Shelf:
         return GivenFile(file=kept.name, given=name.replace("\n", "\\n"), type=kind, size=size, sha256=digest)
 
     def content(self, file: str, sha256: str) -> bytes:
-        """Return what is in a file on the shelf.
+        """Return the content of a file on the shelf.
 
         Raises:
-            Unfit: if it is not there, or no longer what was given.
+            Unfit: if it is missing, or has changed since it was given.
         """
         here = self.folder / file
         path = here if here.exists() else self._recorded / file
@@ -195,18 +195,18 @@ class Shelf:
         return digest.hexdigest(), size
 
     def _place(self, part: Path, stem: str, ending: str, digest: str) -> Path:
-        """Give a whole copy a name that nothing else has, or that of its like from before an interruption."""
+        """Give a complete copy a name not in use, or that of the same file from before an interruption."""
         names = chain([f"{stem}.{ending}"], (f"{stem}-{number}.{ending}" for number in count(2)))
         for path in map(self.folder.joinpath, names):
             if path not in self._made and (not os.path.lexists(path) or sha256_of(path) == digest):
                 part.replace(path)
                 sync_folder(self.folder)
                 return path
-        raise AssertionError  # the names do not end
+        raise AssertionError  # the names are endless
 
 
 def _opened(path: Path) -> BinaryIO:
-    """Open a file that somebody named; a link is followed, a pipe or a device is not read.
+    """Open a file named by a person; a link is followed, a pipe or a device is not read.
 
     Raises:
         Unfit: with what is wrong with it.
@@ -242,7 +242,7 @@ def _shown(path: Path) -> str:
 
 
 def _differs(before: os.stat_result, path: Path) -> bool:
-    """Return whether the file of this path is another one than before, or was written to."""
+    """Return whether the file at this path was replaced or written to."""
     after = path.stat()
     return any(
         getattr(before, field) != getattr(after, field) for field in ("st_dev", "st_ino", "st_size", "st_mtime_ns")
@@ -250,10 +250,10 @@ def _differs(before: os.stat_result, path: Path) -> bool:
 
 
 def _examined(stream: BinaryIO, path: Path, kinds: Sequence[str]) -> str:
-    """Return of which kind a file is, by its content.
+    """Return the kind of a file, by its content.
 
     Raises:
-        Unfit: if it is none that is taken, or not whole.
+        Unfit: if it is not an accepted one, or the file is incomplete.
     """
     shown = _shown(path)
     try:
@@ -268,10 +268,10 @@ def _examined(stream: BinaryIO, path: Path, kinds: Sequence[str]) -> str:
 
 
 def _kind(stream: BinaryIO, path: Path) -> str:
-    """Return the kind of a file, empty for one that is not taken.
+    """Return the kind of a file, empty for an unknown one.
 
     Raises:
-        ValueError: for one that begins as a kind and does not go on as it.
+        ValueError: for a file that begins like a kind but does not continue like it.
     """
     head = stream.read(_EDGE)
     tail = _tail(stream)
@@ -303,7 +303,7 @@ def _tail(stream: BinaryIO) -> bytes:
 
 
 def _is_text(stream: BinaryIO) -> bool:
-    """Return whether a file is text in UTF-8, with nothing in it but letters, tabs and ends of lines."""
+    """Return whether a file is UTF-8 text of nothing but letters, tabs and line ends."""
     stream.seek(0)
     decoder = codecs.getincrementaldecoder("utf-8")()
     try:
@@ -318,7 +318,7 @@ def _is_text(stream: BinaryIO) -> bool:
 
 
 def _require_png(stream: BinaryIO) -> None:
-    """Require of a PNG that its chunks are whole, by their check sums, and that it has a size and an end."""
+    """Require that the chunks of a PNG are intact by their checksums, and that it has a size and an end."""
     stream.seek(len(_PNG))
     for number, (name, data) in enumerate(_chunks(stream)):
         if number == 0 and (name != b"IHDR" or 0 in struct.unpack(">II", data[:8])):
@@ -329,7 +329,7 @@ def _require_png(stream: BinaryIO) -> None:
 
 
 def _chunks(stream: BinaryIO) -> Iterator[tuple[bytes, bytes]]:
-    """Give the name and the content of every chunk, up to one that is not whole."""
+    """Yield the name and the content of every chunk, up to an incomplete one."""
     while len(head := stream.read(8)) == 8:
         length, name = struct.unpack(">I4s", head)
         if length > LARGEST_ATTACHMENT:
@@ -341,7 +341,7 @@ def _chunks(stream: BinaryIO) -> Iterator[tuple[bytes, bytes]]:
 
 
 def _require_jpeg(stream: BinaryIO, tail: bytes) -> None:
-    """Require of a JPEG that its segments lead to a scan, after a size, and that it has an end."""
+    """Require that the segments of a JPEG lead to a scan, after a size, and that it has an end."""
     stream.seek(2)
     sized = False
     while len(head := stream.read(2)) == 2 and head[0] == _PADDING:

@@ -1,4 +1,4 @@
-"""The hands of a simulated bench: what a file or a person says was done there is done in its physics."""
+"""Hands of a simulated bench: what a file or a person says was done is carried out in its physics."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ class Hands(Protocol):
     """The simulated person of a simulated bench."""
 
     def act(self, form: str, name: str, said: str | float | bool) -> None:
-        """Do what somebody says was done."""
+        """Carry out what somebody says was done."""
         ...
 
 
 class ActedOut:
-    """Lets the simulated person do what others answer; what it answers itself, it has done already.
+    """Lets the simulated person carry out the answers of others; its own it has carried out already.
 
     Args:
-        source: who answers.
-        hands: returns the simulated person. None where there is none: on a bench outside this process, in a replay,
+        source: answers.
+        hands: returns the simulated person, or None if there is none: on a bench outside this process, in a replay,
             and on a resumed bench before it continues.
     """
 
@@ -33,10 +33,10 @@ class ActedOut:
         self._hands = hands
 
     def answer(self, question: Question) -> Answer:
-        """Answer as the source does, and do what was answered.
+        """Answer as the source does, and carry out the answer.
 
         Raises:
-            Refused: if the simulated bench has no such thing.
+            Refused: if the simulated bench cannot do that.
         """
         answer = self._source.answer(question)
         hands = self._hands()

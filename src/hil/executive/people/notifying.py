@@ -1,4 +1,4 @@
-"""Notifying: a command of the workspace is run when somebody should know, and never holds up a run."""
+"""Notifications: a command of the workspace is run when somebody should know, without ever holding up a run."""
 
 from __future__ import annotations
 
@@ -61,15 +61,15 @@ class _Sent:
 
 
 class Notifier:
-    """Runs a command on a trip, a question that waits, data that came late, and the end of a run.
+    """Runs a command on a trip, a pending question, late data, and the end of a run.
 
-    The command gets a JSON object on standard input and the same as variables HIL_EVENT, HIL_RUN and HIL_TEXT. What
-    became of it is written down at the end of the run, so that equal runs have equal events.
+    The command gets a JSON object on standard input and the same as variables HIL_EVENT, HIL_RUN and HIL_TEXT. Its
+    outcome is recorded at the end of the run, so that equal runs have equal events.
 
     Args:
-        command: program and arguments; empty for nobody to be notified.
+        command: program and arguments; empty for no notifications.
         place: the folder in which it runs.
-        limit_s: after so much wall time it is killed with all that it started.
+        limit_s: timeout in wall time, after which it is killed with all that it started.
     """
 
     def __init__(self, command: Sequence[str], place: Path, limit_s: float = _LIMIT_S) -> None:
@@ -85,15 +85,15 @@ class Notifier:
         self._verdicts: dict[str, Verdict] = {}
 
     effects: ClassVar[frozenset[str]] = frozenset({"asks"})
-    """The kinds of effects that it has to be shown: those that a person has answered."""
+    """The kinds of effects that it needs: those that a person has answered."""
 
     @property
     def hears(self) -> tuple[type[events.Event], ...]:
-        """The kinds of events that it has to be shown: none where nobody is to be notified."""
+        """The kinds of events that it needs: none if nobody is to be notified."""
         return _TOLD if self._command else ()
 
     def attach(self, run: str, journal: EventSink | None) -> None:
-        """Begin, for the run of this name, which has this journal, if it is not over."""
+        """Begin, for the run of this name, with its journal unless the run is over."""
         self._run, self._journal = run, journal
 
     def __call__(self, event: events.Event) -> None:
@@ -119,15 +119,15 @@ class Notifier:
                 self._planned = len(event.cases)
 
     def send(self, event: str, text: str) -> Callable[[], str | None]:
-        """Notify of something that is not an event of the run; return a function that gives its outcome.
+        """Notify of something that is not an event of the run; return a function that returns the outcome.
 
-        That is None while it is under way, empty once the command succeeded, and otherwise what kept it.
+        The outcome is None while it is in progress, empty once the command succeeded, and otherwise the error.
         """
         sent = self._send(event, text)
         return lambda: sent.problem if sent else "no command notifies anybody here"
 
     def tick(self) -> None:
-        """Notify of a question that waits for a person, and look after the commands that run."""
+        """Notify of a question that waits for a person, and check on running commands."""
         if self._question:
             how = f" Answer with: hil answer {self._run}"
             self._send("question", self._question[: _LONGEST_TEXT - len(how)] + how)
@@ -137,11 +137,11 @@ class Notifier:
                 self._look_after(sent)
 
     def finish(self, code: int, text: str = "") -> None:
-        """Notify of the end of the run, wait for every command within its limit, and write down their outcomes.
+        """Notify of the end of the run, wait for every command within its timeout, and record their outcomes.
 
         Args:
             code: the run's exit code.
-            text: the sentence about the end; the exit code's if it is empty.
+            text: the sentence about the end; by default that of the exit code.
         """
         self._question = ""
         self._send("end", text or self._ended(code))
@@ -156,7 +156,7 @@ class Notifier:
         self._sent.clear()
 
     def _ended(self, code: int) -> str:
-        """Return how the run ended: of one that is not a pass its verdict, and how many cases have which."""
+        """Return how the run ended: unless it passed, with its verdict and the number of cases per verdict."""
         told = _ENDS.get(code, f"the run ended with exit code {code}")
         counts = Counter(verdict for verdict in self._verdicts.values() if not verdict.good)
         if code != _FAILED or not counts:
@@ -165,7 +165,7 @@ class Notifier:
         return f"{worst(counts)}: {told}: of {counted(self._planned, 'case')} {cases}"
 
     def _send(self, event: str, text: str) -> _Sent | None:
-        """Start the command and return what becomes of it; what keeps it from starting is kept, not raised."""
+        """Start the command and return its state; an error in starting it is kept, not raised."""
         if not self._command or not self._run:
             return None
         sent = _Sent(event, wall.monotonic())
@@ -181,7 +181,7 @@ class Notifier:
             return sent
         told = canonical({"event": event, "run": self._run, "text": text})
         if sent.process.stdin is not None:
-            with suppress(OSError):  # it may have ended without reading; the pipe holds all of it, so nobody waits
+            with suppress(OSError):  # it may have ended without reading; the pipe holds it all, so this does not block
                 sent.process.stdin.write(told + b"\n")
                 sent.process.stdin.flush()
             with suppress(OSError):
@@ -206,9 +206,9 @@ class Notifier:
         if code is not None:
             self._end(sent, "" if code == 0 else _manner(code))
         elif wall.monotonic() - sent.began > self._limit_s:
-            with suppress(OSError):  # it may end by itself right now
+            with suppress(OSError):  # it may be ending by itself right now
                 os.killpg(sent.process.pid, signal.SIGKILL)
-            sent.process.wait()  # nothing survives that signal, so it is over at once
+            sent.process.wait()  # nothing survives that signal, so this returns at once
             self._end(sent, f"it took longer than {self._limit_s:g} s")
 
     def _end(self, sent: _Sent, problem: str) -> None:

@@ -1,4 +1,4 @@
-"""Runs that nobody attends: what a bench has to have for them, and how the person on call is reached at arm."""
+"""Unattended runs: what they require of a bench, and how the person on call is reached at arming."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ __all__ = ["OnCall", "People", "require_unattended"]
 _LEAST_PATHS = 2
 _LOOK_S = 0.1
 _CODE_LETTERS = "ABCDEFGHJKLMNPQRSTUVWXYZ23456789"
-"""None that a person takes for another one on a small display."""
+"""Letters that cannot be confused on a small display."""
 
 _CODE_LENGTH = 6
 
 Became = Callable[[], str | None]
-"""Gives the outcome of a notification: None while it is under way, empty once it went out, else the error."""
+"""Returns the outcome of a notification: None while it is in progress, empty once sent, otherwise the error."""
 
 
 def require_unattended(configuration: Configuration) -> None:
-    """Require of a run that nobody attends all that stands in for a person; any other run passes.
+    """Require of an unattended run everything that stands in for a person; any other run passes.
 
     Raises:
         Refused: with everything that is missing.
@@ -61,15 +61,15 @@ def _missing(configuration: Configuration) -> Iterator[str]:
 
 
 class OnCall:
-    """Anyone who is on call for a run: sent a code when the bench is armed, and reached once somebody gives it back.
+    """The person on call for a run: sent a code when the bench is armed, and reached once the code is returned.
 
     It listens to the run's events, and compares the codes that come through its inbox.
 
     Args:
         name: who is on call.
         run: the run's name, for the command that the person types.
-        within_s: how long an answer may take in wall time [s].
-        notify: sends a notification, given its event and text; returns a function that gives its outcome.
+        within_s: timeout for the answer, in wall time [s].
+        notify: sends a notification, given its event and text; returns a function that returns its outcome.
         journal: where events are written.
     """
 
@@ -95,12 +95,12 @@ class OnCall:
             self._by = event.by
 
     def knows(self, code: str) -> bool:
-        """Return whether this is the code that was sent last, and nobody has given it back so far."""
-        given = code.strip().upper().encode(errors="surrogatepass")  # of texts, only such in ASCII can be compared
+        """Return whether this is the latest code sent, and it has not been returned yet."""
+        given = code.strip().upper().encode(errors="surrogatepass")  # of str, only ASCII can be compared
         return bool(self._code) and not self._by and secrets.compare_digest(given, self._code.encode())
 
     def reach(self, idle: Callable[[], bool]) -> str:
-        """Send a code and wait until somebody gives it back; return why nobody was reached, empty if somebody was.
+        """Send a code and wait until it is returned; return why nobody was reached, empty if somebody was.
 
         Args:
             idle: watches the run while it waits; returns whether it may keep waiting.
@@ -129,18 +129,18 @@ class OnCall:
 
 
 class People:
-    """Gates that people open each time that a bench outside this process is armed, before anything is driven.
+    """Gates opened by people whenever a bench outside this process is armed, before anything is driven.
 
-    It listens to the run's events, for what was confirmed. Who opened a gate stands in events of its own.
+    It listens to the run's events for what was confirmed. Who opened a gate is recorded in separate events.
 
     Args:
-        on_call: the person to be reached, None for a run that somebody attends.
-        answers: asks a person for safety confirmations that were given when the bench was armed before.
+        on_call: the person to be reached, None for an attended run.
+        answers: asks a person again for safety confirmations given at an earlier arming.
         journal: where events are written.
         idle: watches the run while it waits for somebody; returns whether the run may continue.
 
     Attributes:
-        hears: the kinds of events that it has to be shown.
+        hears: the kinds of events that it needs.
     """
 
     hears: ClassVar[tuple[type[events.Event], ...]] = (events.Question, events.Answer, events.Reached)
@@ -172,7 +172,7 @@ class People:
             self._on_call(event)
 
     def gates(self) -> Iterator[Gate]:
-        """Give the gates one by one."""
+        """Yield the gates one by one."""
         if self._on_call is not None:
             problem = self._on_call.reach(self._idle)
             yield Gate("person on call", ok=not problem, detail=problem or f"{self._on_call.name} was reached")
@@ -180,7 +180,7 @@ class People:
             yield self._again(question)
 
     def _again(self, question: Question) -> Gate:
-        """Ask again for what was confirmed when the bench was armed before."""
+        """Ask again for a confirmation given at an earlier arming."""
         name = f"confirmed again: {question.name}"
         asked = events.AskedAgain(name=question.name, form=question.form, text=question.text, options=(), safety=True)
         self._journal.write(asked)

@@ -1,4 +1,4 @@
-"""Questions to a person: what is asked, what a line means as the answer, and an answer from another terminal."""
+"""Questions to a person: their content, parsing of answers, and answers from another terminal."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ __all__ = [
 ]
 
 _PERHAPS_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
-"""A comma that may be a decimal sign or not: nobody guesses a factor of 1000."""
+"""A comma that may or may not be a decimal sign: a factor of 1000 is not guessed."""
 
 FILE = "file"
-"""The form of questions that are answered with a file."""
+"""The form of questions answered with a file."""
 
 FROM_FILE = " (answers file)"
-"""What follows the name of a person whose answers were prepared in a file."""
+"""Suffix to the name of a person whose answers were prepared in a file."""
 
 _YES = frozenset({"true", "y", "yes"})
 _NO = frozenset({"false", "n", "no"})
@@ -51,15 +51,15 @@ class Question:
     """One question.
 
     Attributes:
-        name: its name in answer files, unique in its case by its ordinal.
+        name: its name in answers files, unique in its case by its ordinal.
         form: `confirm`, `choose`, `measure`, `connect` or `file`; `attach` in older packages, for `connect`.
         text: what the person reads.
-        options: for `choose` and `connect`, what can be answered; for `file`, the kinds of files that are taken.
+        options: for `choose` and `connect`, the possible answers; for `file`, the accepted kinds of files.
         unit: for `measure`, the unit of the number.
-        safety: whether somebody's safety hangs on it: on a bench outside this process a person answers it live.
-        instrument: for `measure`, the name of what is read in the register of instruments; the text tells it.
-        witness: who has to be present, by role or name; empty if nobody has to.
-        picture: what is shown beside the text, a picture of the plan.
+        safety: whether somebody's safety depends on it: on a bench outside this process a person answers it live.
+        instrument: for `measure`, the instrument to read, by its name in the register; the text mentions it.
+        witness: who has to be present, by role or name; empty if no witness is needed.
+        picture: the picture of the plan shown beside the text.
     """
 
     name: str
@@ -74,20 +74,20 @@ class Question:
 
     @property
     def shown(self) -> str:
-        """Where the picture lies in the workspace, empty without one."""
+        """Path of the picture in the workspace, empty without one."""
         return self.picture.file.removeprefix("data/sources/") if self.picture else ""
 
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What was answered, and by whom.
+    """An answer, and who gave it.
 
     Attributes:
-        value: the answer; for a file the name that it was given under.
+        value: the answer; for a file its original name.
         by: who answered, never empty.
-        path: where a file is that was given and that the run has not taken yet.
-        file: a file that the run has, from its record.
-        witness: who witnessed it, empty where nobody had to.
+        path: the path of a given file that the run has not taken yet.
+        file: a file that the run already has, from its record.
+        witness: who witnessed it, empty if no witness was needed.
     """
 
     value: str | float | bool
@@ -98,19 +98,19 @@ class Answer:
 
 
 class AnswerSource(Protocol):
-    """Somebody, or something, that answers."""
+    """A source of answers."""
 
     def answer(self, question: Question) -> Answer:
-        """Answer, or raise Declined with what to do."""
+        """Answer, or raise Declined with a hint."""
         ...
 
 
 class Elsewhere:
-    """Where a question waits for an answer through the run's inbox (`hil answer`).
+    """The question pending for an answer through the run's inbox (`hil answer`).
 
     Attributes:
-        answer: what was said to the question that waits, None as long as nobody did, and while none waits.
-        witnesses: returns why a person cannot witness an answer, from the question, who answers, and who witnesses.
+        answer: the answer to the pending question, None until there is one, and while no question is pending.
+        witnesses: returns why a person cannot witness an answer, given the question, who answers, and who witnesses.
     """
 
     def __init__(self) -> None:
@@ -120,7 +120,7 @@ class Elsewhere:
 
     @contextmanager
     def asks(self, question: Question) -> Iterator[None]:
-        """Let a question wait."""
+        """Make a question the pending one."""
         self._question = question
         try:
             yield
@@ -128,13 +128,13 @@ class Elsewhere:
             self._question = self.answer = None
 
     def take(self, name: str, text: str, by: str, path: Path | None = None, witness: str = "") -> str:
-        """Take what somebody says to the question of this name; return why that is not taken, nothing if it is.
+        """Take an answer to the question of this name; return why it is not accepted, empty if it is.
 
         Args:
             name: the question's name.
-            text: what is said; for a file the name that it was given under.
-            by: who says it.
-            path: where the file is that was given.
+            text: the answer; for a file its original name.
+            by: who answers.
+            path: the path of the given file.
             witness: who witnessed it.
         """
         question = self._question
@@ -152,7 +152,7 @@ class Elsewhere:
 
 
 def _file_problem(question: Question, path: Path | None) -> str:
-    """Return why what came is not the file that is asked for, empty if it is, and where none is asked for."""
+    """Return why this is not the requested file, empty if it is, or if none is requested."""
     if question.form != FILE:
         return ""
     if path is None:
@@ -161,7 +161,7 @@ def _file_problem(question: Question, path: Path | None) -> str:
 
 
 def witness_problem(question: Question, by: str, witness: str) -> str:
-    """Return why nobody witnessed an answer, empty if somebody did or had to: a witness is not who answers."""
+    """Return why an answer lacks its witness, empty if it has one or needs none: a witness is not who answers."""
     if not question.witness:
         return ""
     if not witness.strip():
@@ -172,18 +172,18 @@ def witness_problem(question: Question, by: str, witness: str) -> str:
 
 
 def _person(name: str) -> str:
-    """Return a name as it is compared: nobody is two persons by capitals and spaces."""
+    """Return a name normalised for comparison: case and spaces do not distinguish people."""
     return " ".join(unicodedata.normalize("NFKC", name.removesuffix(FROM_FILE)).casefold().split())
 
 
 def spoken(question: Question) -> str:
-    """Return the question with what can be answered."""
+    """Return the question with its possible answers."""
     picture = f" (see {question.shown})" if question.picture else ""
     return f"{question.text}{picture} [{form(question)}]"
 
 
 def form(question: Question) -> str:
-    """Return what can be answered, in words."""
+    """Return the possible answers, in words."""
     match question.form:
         case "confirm":
             return "yes or no"
@@ -198,7 +198,7 @@ def form(question: Question) -> str:
 
 
 def understood(question: Question, line: str) -> str | float | bool | None:
-    """Return the answer that a line gives, None if it gives none."""
+    """Return the answer in a line, None if it is not one."""
     said = line.strip()
     match question.form:
         case "confirm":

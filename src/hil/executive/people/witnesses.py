@@ -1,4 +1,4 @@
-"""Who may witness an answer: somebody other than who gives it, and in the role that is asked for."""
+"""Eligibility of witnesses: somebody other than who answers, and in the role that is asked for."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ SOMEBODY = "somebody"
 
 
 class Witnesses:
-    """Says who may witness an answer.
+    """Decides who may witness an answer.
 
-    Where the register of signers names people, it also says who holds which role, and by which names a person goes.
+    If the register of signers names people, it also says who holds which role, and by which names a person goes.
 
     Args:
-        operator: the operator of the run, who witnesses nobody's answer; empty if nobody is named.
-        signers: returns the register; it is asked only where a witness is.
-        day: returns the day on which roles have to be held, ISO 8601.
+        operator: the operator of the run, who may not witness any answer; empty if none is named.
+        signers: returns the register; called only if a witness is asked for.
+        day: returns the day on which roles must be held, ISO 8601.
     """
 
     def __init__(self, operator: str, signers: Callable[[], Signers], day: Callable[[], str]) -> None:
@@ -34,7 +34,7 @@ class Witnesses:
         self._day = day
 
     def problem(self, question: Question, by: str, witness: str) -> str:
-        """Return why a person cannot witness this answer, empty if that is so or no witness is asked for.
+        """Return why a person cannot witness this answer, empty if the person can or no witness is asked for.
 
         Args:
             question: the question.
@@ -49,7 +49,7 @@ class Witnesses:
         )
 
     def _unknown(self, question: Question, others: Iterable[str], witness: str) -> str:
-        """Return what the register of signers has against a witness, nothing where it names nobody."""
+        """Return why the register of signers rules out a witness, empty if it names nobody."""
         signers = self._signers()
         if not signers.people:
             return ""
@@ -73,11 +73,11 @@ class Witnesses:
 
 
 class Witnessed:
-    """Keeps who may not witness an answer from doing so.
+    """Refuses answers whose witness is not eligible.
 
     Args:
-        source: who answers.
-        witnesses: says who may.
+        source: answers.
+        witnesses: decides who may witness.
     """
 
     def __init__(self, source: AnswerSource, witnesses: Witnesses) -> None:

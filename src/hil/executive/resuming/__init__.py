@@ -1,1 +1,1 @@
-"""Running again what was run before: an interrupted run that is resumed, and a package that is replayed."""
+"""Re-execution: resuming an interrupted run, and replaying a package."""

@@ -1,4 +1,4 @@
-"""What a run begins from: nothing before it, an interrupted run that it resumes, or a package that it replays."""
+"""Beginnings of a run: a new one, one that resumes an interrupted run, or one that replays a package."""
 
 from __future__ import annotations
 
@@ -53,27 +53,27 @@ _LEAST_SPACE = 50_000_000
 _FREE_SPACE = "free some space, and resume the run; or seal it as it is with hil seal"
 
 _WITHOUT_GIVEN_UP = 2
-"""The last format of results in which an attempt that was given up did not count."""
+"""Last format of results in which an attempt that was given up did not count."""
 
 _ANSWERED = frozenset({"asks"})
 """A person is not asked again; everything else comes from the recorded bytes."""
 
 
 class NewRun:
-    """A run that nothing came before.
+    """A new run.
 
     Args:
-        prepare: what has to succeed before there is a folder, once the run holds its leases.
+        prepare: must succeed before the folder is created, once the run holds its leases.
 
     Attributes:
-        resumes: whether its folder holds what an interrupted run wrote down.
+        resumes: whether its folder holds the record of an interrupted run.
         earlier: that run, None if there is none.
-        entries: where the run was entered before, and at which bench time in s.
-        not_opened: the gates of the host that ended its armings, see `BenchKeeper`.
+        entries: its earlier points of entry, each with the bench time in s.
+        not_opened: the host gates that ended its armings, see `BenchKeeper`.
         given_up: the attempts that ended without a verdict before it was entered.
-        recall: the effects that it has to agree with, None if there are none.
+        recall: the effects that it must agree with, None if there are none.
         void_rows: returns the void rows of a record, None if the run's own folder holds them.
-        attachments: where the files lie that persons gave, None if the run's own folder holds them.
+        attachments: the folder of files that people gave, None if it is the run's own.
     """
 
     resumes = False
@@ -93,20 +93,20 @@ class NewRun:
         require_space(configuration.reports, _LEAST_SPACE)
 
     def open_folder(self, configuration: Configuration) -> Path:
-        """Make the run's folder, if it can be prepared: a run that was refused before leaves none."""
+        """Create the run's folder, if preparation succeeds: a run that is refused leaves none."""
         self._prepare()
         return create(configuration.reports, bench=configuration.bench.name, dut=configuration.dut.serial)
 
     def take_over(self, folder: Path) -> None:
-        """Do nothing: nobody else knows the folder."""
+        """Do nothing: no other process knows the folder."""
 
     def past(self, journal: Journal) -> Resumption | None:
-        """Return that no event comes again."""
+        """Return None: there are no events to retrace."""
 
     def write_head(
         self, configuration: Configuration, planned: Sequence[PlannedCase], folder: Path, journal: Events
     ) -> None:
-        """Freeze what the run is judged by, and write the first events."""
+        """Freeze everything by which the run is judged, and write the first events."""
         write_head(configuration, planned, folder, journal)
 
 
@@ -114,7 +114,7 @@ class ReplayedRun(NewRun):
     """The replay of a package, in a folder of its own.
 
     Args:
-        package: what the run has to agree with. A replay does not make the void rows again.
+        package: the record that the run must agree with. A replay does not repeat the void rows.
     """
 
     def __init__(self, package: Package) -> None:
@@ -137,7 +137,7 @@ class ReplayedRun(NewRun):
 
 
 class ResumedRun(NewRun):
-    """An interrupted run that continues in its folder.
+    """The resumption of an interrupted run, in its folder.
 
     Args:
         earlier: the run as it was found.
@@ -160,10 +160,10 @@ class ResumedRun(NewRun):
         return self.earlier.folder
 
     def take_over(self, folder: Path) -> None:
-        """Take back what the run wrote of rows and reserve.
+        """Revert recordings to rows, and renew the reserve.
 
         Raises:
-            Refused: if somebody went on with the run, or sealed it, since it was found; its folder is held by now.
+            Refused: if the run was continued, or sealed, since it was found; its folder is now held.
         """
         if is_sealed(folder) or (folder / JOURNAL).stat().st_size != self.earlier.size:
             raise Refused(f"{folder.name}: another process has resumed it in the meantime", "see it with hil status")
@@ -171,19 +171,19 @@ class ResumedRun(NewRun):
         revert(folder / RECORDINGS, self.earlier.state.recordings.values())
 
     def past(self, journal: Journal) -> Resumption:
-        """Return the events that come again."""
+        """Return the events to retrace."""
         return Resumption(self.earlier, journal)
 
     def write_head(
         self, _configuration: Configuration, _planned: Sequence[PlannedCase], _folder: Path, journal: Events
     ) -> None:
-        """Show the first events, which stand there already."""
+        """Show the first events, which exist already."""
         for line in self.earlier.head:
             journal.show(line.event)
 
 
 class Resumption(Past):
-    """The events of an interrupted run after its head, and what is written down before its first new one.
+    """The events of an interrupted run after its head, and what is recorded before its first new one.
 
     Args:
         earlier: the interrupted run.
@@ -201,11 +201,11 @@ class Resumption(Past):
         return self._earlier.own_course
 
     def resume(self, t: float, entry: events.Entry | None) -> None:
-        """Write down that the run was resumed, and before that if the machine was restarted in between.
+        """Record that the run was resumed, and before that, whether the machine was restarted in between.
 
         Args:
             t: bench time in s.
-            entry: where it is entered again, None if it goes on where it was.
+            entry: its point of entry, None if it continues where it was.
         """
         earlier, last = self._earlier, self._earlier.last_wall
         beside, seconds = {"interrupted": last}, round(wall.seconds_since(str(last["utc"])), 1)
@@ -226,8 +226,8 @@ class Resumption(Past):
 
 
 def _entered(earlier: Earlier) -> str:
-    told = standing([line.event for line in earlier.lines])
-    stop = next((event for event in told if isinstance(event, events.Stop)), None)
+    stands = standing([line.event for line in earlier.lines])
+    stop = next((event for event in stands if isinstance(event, events.Stop)), None)
     how = f"stopped by {stop.reason}" if stop else "interrupted"
     if earlier.boundary and earlier.boundary.over:
         return f"{how} after its last case; only the safe-off is driven, and the end is repeated"
@@ -236,19 +236,19 @@ def _entered(earlier: Earlier) -> str:
 
 
 class NotArmedAgain(HilError):
-    """A bench that lives in this process could not be armed when a run was entered again."""
+    """A bench in this process could not be armed when a run was re-entered."""
 
 
 class Entering:
-    """Lets a run go on after the event at which it is entered, on a bench that stood safe in the meantime.
+    """Continues a run after its point of entry, on a bench that was safe in the meantime.
 
-    What came after that event before is void, and is kept: events, operations, rows. The bench is armed again, every
-    output driven again as it was at that event, and every stream begun again. After the last case none of that is
-    done: the safe state, the watch after it, and the seal are all that is left. A run that was entered before is
-    entered again on its record in the same way, and so is the replay of one.
+    What came after that event before is void, but kept: events, operations, rows. The bench is rearmed, every output
+    driven as it was at that event, and every stream restarted. After the last case none of that is done: only the
+    safe state, the watch after it, and the seal are left. On the record of a run that was entered before, it is
+    re-entered in the same way, and so it is in a replay.
 
     Args:
-        record: what the run writes down.
+        record: the record of the run.
         bench: its bench.
         keeper: arms the bench.
         beginning: what the run begins from.
@@ -269,36 +269,36 @@ class Entering:
         self._boundary = beginning.earlier.boundary if beginning.earlier else None
 
     def after(self, place: int) -> None:
-        """Enter the run if this is the place; called after every event of its own course.
+        """Enter the run if this is its point of entry; called after every event of its own course.
 
         Raises:
-            NotArmedAgain: if the bench of this process cannot be armed. A run on any other bench then stays open.
-            DeviceFault: if an output or a stream of it does not continue.
+            NotArmedAgain: if the bench of this process cannot be armed. A run on any other bench stays open instead.
+            DeviceFault: if an output or a stream does not continue.
         """
         entries, reentered = self._places.pop(place, []), self._boundary is not None and place == self._boundary.place
         if not entries and not reentered:
             return
         scheduler, before_ns = self._keeper.scheduler, self._bench.clock.now_ns()
         try:
-            with scheduler.flags.undisturbed():  # nothing looks after a bench that is being armed
+            with scheduler.flags.undisturbed():  # a bench being armed is not attended to
                 self._enter(place, entries, reentered=reentered)
         finally:
             scheduler.put_off(self._bench.clock.now_ns() - before_ns)
 
     def take_failed(self, case: str) -> list[events.Failed]:
-        """Return what had failed in a case before the run was interrupted, once."""
+        """Return, once, the checks of a case that had failed before the run was interrupted."""
         found = [failed for failed in self._failed if failed.case == case]
         self._failed = [failed for failed in self._failed if failed.case != case]
         return found
 
     def take_given_up(self, case: str) -> list[Abandoned]:
-        """Return the attempts of a case that were given up before the run was entered, once."""
+        """Return, once, the attempts of a case that were given up before the run was entered."""
         found = [each for each in self._left if each.case == case]
         self._left = [each for each in self._left if each.case != case]
         return found
 
     def _enter(self, place: int, entries: list[tuple[events.Entry, float]], *, reentered: bool) -> None:
-        for entry, _ in entries if reentered else entries[:-1]:  # entered here again: what came after it is void, too
+        for entry, _ in entries if reentered else entries[:-1]:  # re-entered here: what came after it is void, too
             self._record.store.note_void(entry)
         self._failed += [failed for entry, _ in entries for failed in entry.failed]
         entry = self._reentry(place) if reentered else self._as_recorded(*entries[-1])
@@ -313,30 +313,30 @@ class Entering:
         if entry.over:
             return
         try:
-            self._arm_again(entry)
+            self._rearm(entry)
         except (DeviceFault, NotArmedAgain) as error:
             flags = self._keeper.scheduler.flags
             if self._earlier is None:
-                flags.request(error.message)  # the replay of a run that somebody stopped here
+                flags.request(error.message)  # the replay of a run that was stopped here
             elif not reentered or self._bench.live is None:
                 raise
             elif not flags.reason:
                 self._keeper.scheduler.lose(Distress(error.message, "arming"))
 
-    def _arm_again(self, entry: events.Entry) -> None:
-        """Arm the bench and drive it again; where somebody asks to stop meanwhile it is left safe.
+    def _rearm(self, entry: events.Entry) -> None:
+        """Rearm the bench and restore its outputs; if a stop is requested meanwhile, it is left safe.
 
-        That is not raised here, where a case may only be about to begin: the next scheduling point ends it.
+        The stop is not raised here, where a case may be only about to begin: the next scheduling point raises it.
         """
         keeper = self._keeper
         problem = keeper.arm_again(entry.void_to)
-        if problem or not self._drive_again():
+        if problem or not self._restore_outputs():
             keeper.safe()
         if problem and not keeper.scheduler.flags.reason:
             raise NotArmedAgain(f"the bench was not armed again: {problem}", "see hil bench check")
 
-    def _drive_again(self) -> bool:
-        """Return whether everything is driven again, which it is not once somebody asked to stop."""
+    def _restore_outputs(self) -> bool:
+        """Restore all outputs and streams; return False if a stop was requested before that was done."""
         try:
             self._keeper.holding.drive_again()
         except Stopped:
@@ -345,8 +345,8 @@ class Entering:
         return True
 
     def _as_recorded(self, entry: events.Entry, t: float) -> events.Entry:
-        """Enter the run where it was entered, at bench time `t` in s."""
-        self._pass_over(entry)
+        """Enter the run as recorded, at bench time `t` in s."""
+        self._skip_void(entry)
         self._keeper.scheduler.retrace_to(round(t * NANOSECONDS))
         return entry
 
@@ -355,18 +355,18 @@ class Entering:
         if self._earlier is None or self._boundary is None:
             raise RuntimeError("nothing is entered again")
         entry, clock = self._entry(place, self._earlier, self._boundary), self._bench.clock
-        self._pass_over(entry)
+        self._skip_void(entry)
         if not self._earlier.live:
             self._keeper.scheduler.go_on()
-        clock.wait_until(self._earlier.last_ns)  # what is recorded now comes after what is void
+        clock.wait_until(self._earlier.last_ns)  # new events come after the void ones
         clock.sleep(self._earlier.stood_s)
-        if self._earlier.live:  # a clock that follows boot time would let everybody wait for that
+        if self._earlier.live:  # a clock that follows boot time would have to wait for that
             self._keeper.scheduler.go_on()
         self._record.events.end_of_past(entry)
         return entry
 
     def _entry(self, place: int, earlier: Earlier, boundary: Boundary) -> events.Entry:
-        """Return what is void if the run is entered here now; recordings that are void as a whole are ended first."""
+        """Return the entry, with what is void, for entering the run here; wholly void recordings are ended first."""
         last = earlier.lines[-1].event.seq
         if earlier.broken_off:
             last = self._record.end_recordings(earlier.broken_off)
@@ -382,7 +382,7 @@ class Entering:
             failed=earlier.failed,
         )
 
-    def _pass_over(self, entry: events.Entry) -> None:
+    def _skip_void(self, entry: events.Entry) -> None:
         self._record.events.skip(entry.void_to)
         self._record.transcript.skip(entry.operations)
         self._keeper.scheduler.timeline.skip(entry.operations)

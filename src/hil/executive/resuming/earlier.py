@@ -1,4 +1,4 @@
-"""An interrupted run as it is found: what a resumed run has to come to again."""
+"""An interrupted run as found: what a resumed run has to retrace."""
 
 from __future__ import annotations
 
@@ -36,19 +36,19 @@ _AFTER: Mapping[type[events.Event], str] = {
     events.Recovered: "is being sealed",
     events.Results: "has ended",
 }
-"""Events after which there is nothing to go on with."""
+"""Events after which there is nothing to resume."""
 
 
 @dataclass(frozen=True, slots=True)
 class Boundary:
-    """An event after which a run can be entered again.
+    """An event after which a run can be re-entered.
 
     Attributes:
-        place: which event of the run's own course it is, from 1.
+        place: its number in the run's own course, from 1.
         sequence: its sequence number.
         at_ns: its instant.
         kept: the recording that it begins, and that continues; empty if it begins none.
-        over: whether every case has its outcome there, so that only the end of the run is missing.
+        over: whether every case has its outcome by then, so that only the end of the run is missing.
     """
 
     place: int
@@ -67,10 +67,10 @@ class Earlier:
         head: its first events, before the bench was touched.
         lines: the journal's lines after the head.
         size: bytes of its journal.
-        torn: bytes of half a line that stood at the journal's end.
-        checkpoint: where its simulated bench was, None if that was not written down yet.
-        deviation: how this resume deviates from the plan, empty if it does not.
-        boundary: where it is entered again, None for one that was killed, and goes on where it was.
+        torn: bytes of an incomplete line at the journal's end.
+        checkpoint: the last checkpoint of its simulated bench, None if there is none.
+        deviation: how this resumption deviates from the plan, empty if it does not.
+        boundary: its point of entry, None for a killed run, which continues where it was.
     """
 
     folder: Path
@@ -89,30 +89,30 @@ class Earlier:
 
     @property
     def frozen_later(self) -> Mapping[str, str]:
-        """Path and SHA-256 of the files that were frozen when a case first used them."""
+        """Path and SHA-256 of the files frozen when a case first used them."""
         return {line.event.file: line.event.sha256 for line in self.lines if isinstance(line.event, events.FrozenLater)}
 
     @property
     def come_again(self) -> tuple[JournalLine, ...]:
-        """The lines up to where it is entered again."""
+        """The lines up to its point of entry."""
         last = self.boundary.sequence if self.boundary else math.inf
         return tuple(line for line in self.lines if line.event.seq <= last)
 
     @property
     def entries(self) -> tuple[tuple[events.Entry, float], ...]:
-        """Where it was entered before, and at which bench time in s."""
+        """Its earlier points of entry, each with the bench time in s."""
         return entries(line.event for line in self.lines)
 
     @property
     def not_opened(self) -> Mapping[int, Gate]:
-        """The gates of the host that ended its armings, see `BenchKeeper`."""
+        """The host gates that ended its armings, see `BenchKeeper`."""
         return not_opened(line.event for line in self.lines)
 
     @property
     def failed(self) -> tuple[events.Failed, ...]:
-        """The checks that failed after the point of entry, and before what interrupted the run: no pause mends them.
+        """The checks that failed between the point of entry and the interruption: resuming does not undo them.
 
-        What was evaluated after that came from a bench that was lost, or being made safe.
+        Later checks came from a bench that was lost, or being made safe.
         """
         found: list[events.Failed] = []
         heard = True
@@ -133,55 +133,55 @@ class Earlier:
 
     @property
     def next_recording(self) -> int:
-        """A number that no recording has yet."""
+        """The first unused recording number."""
         return max((int(name[:3]) for name in self.state.recordings if name[:3].isdigit()), default=0) + 1
 
     @property
     def begun_behind(self) -> tuple[str, ...]:
-        """Recordings of no case that began after the point of entry: those of the watch after its end."""
+        """Recordings outside cases that began after the point of entry: those of the watch after its end."""
         last = self.boundary.sequence if self.boundary else math.inf
         begun = self.state.recordings.values()
         return tuple(event.recording for event in begun if event.case is None and event.seq > last)
 
     @property
     def broken_off(self) -> tuple[events.Recording, ...]:
-        """Recordings of a case that began after the point of entry, and have no end: the process was killed in them.
+        """Recordings of a case that began after the point of entry and never ended: the process was killed during them.
 
-        A case that is entered again begins others, so that nobody else ends these.
+        A re-entered case begins new ones, so nothing else ends these.
         """
         last = self.boundary.sequence if self.boundary else math.inf
         return tuple(event for event in self.state.left_open if event.case is not None and event.seq > last)
 
     @property
     def state(self) -> RunState:
-        """What its events tell, void ones included."""
+        """Its state after all events, void ones included."""
         return fold(line.event for line in (*self.head, *self.lines))
 
     @property
     def run(self) -> events.Run:
-        """What it was asked for."""
+        """Its request."""
         return self.of_head(events.Run)
 
     @property
     def live(self) -> bool:
-        """Whether its bench is outside its process, and went on without it."""
+        """Whether its bench is outside its process, and continued without it."""
         return self.run.live is not None
 
     @property
     def last_wall(self) -> Body:
-        """What the newest event says of its moment."""
+        """The wall half of the newest event."""
         return (self.lines or self.head)[-1].wall
 
     @property
     def last_ns(self) -> int:
-        """The latest instant of its bench that was written down."""
+        """The latest instant of its bench on record."""
         return round(max((line.event.t for line in self.lines), default=0.0) * NANOSECONDS)
 
     @property
     def stood_s(self) -> float:
-        """How long ago that was, in bench time: 0 of a bench that stood still with its process.
+        """How long ago that was, in bench time: 0 for a bench that stopped with its process.
 
-        By boot time, which nobody sets; by the time of day where the machine was restarted.
+        By boot time, which cannot be set; by the time of day if the machine was restarted.
         """
         if self.run.live is None:
             return 0.0
@@ -191,21 +191,21 @@ class Earlier:
         return max(0.0, passed) * self.run.live.speed + self._behind_s(self.run.live.speed)
 
     def _behind_s(self, speed: float) -> float:
-        """Return how far bench time lagged at the newest event: as long as a suspend right before it."""
+        """Return how far bench time lagged at the newest event: the duration of a suspend right before it."""
         lags: list[float] = []
         for line in self.lines:
-            if isinstance(line.event, events.Resumed):  # the clock started again
+            if isinstance(line.event, events.Resumed):  # the clock was restarted
                 lags.clear()
             lags.append(float(line.wall["boot"]) * speed - line.event.t)
         return lags[-1] - min(lags) if lags else 0.0
 
     @property
     def resumes(self) -> int:
-        """How often it was resumed before."""
+        """How many times it was resumed before."""
         return len(self.state.resumptions)
 
     def of_head(self, kind: type[_Event]) -> _Event:
-        """Return the event of a kind in the head.
+        """Return the event of this kind in the head.
 
         Raises:
             Refused: if there is none.
@@ -217,10 +217,10 @@ class Earlier:
 
 
 def find_earlier(folder: Path) -> Earlier:
-    """Return an interrupted run; half a line at its journal's end is cut and kept.
+    """Return an interrupted run; an incomplete line at its journal's end is cut off and kept.
 
     Raises:
-        Refused: if there is nothing to go on with, or a process is going on with it.
+        Refused: if there is nothing to resume, or a process is running it.
         EvidenceError: if its journal is damaged.
     """
     if is_sealed(folder):
@@ -261,12 +261,12 @@ def _cut(folder: Path) -> int:
 
 
 def _boundary(earlier: Earlier) -> Boundary | None:
-    """Return where a run can be entered again, None for one that was killed, and goes on where it was.
+    """Return the point of entry of a run, None for a killed one, which continues where it was.
 
     A bench outside its process was made safe when that was killed, as if the run had been stopped. The run is
-    entered at the beginning of the recording that was going on, if it continues, else of the turn of a loop, else of
-    the case, else at the end of the case before. It is never entered past what shows that it was being stopped, or
-    that a full disk left something out: nothing can come to that again.
+    entered at the beginning of the recording in progress, if it continues, otherwise of the turn of a loop,
+    otherwise of the case, otherwise at the end of the previous case; but never after a sign that it was being stopped,
+    or that a full disk left something out: that cannot be retraced.
     """
     stands = standing(line.event for line in (*earlier.head, *earlier.lines))
     stop = next((event for event in stands if isinstance(event, events.Stop)), None)
@@ -287,9 +287,9 @@ def _boundary(earlier: Earlier) -> Boundary | None:
 
 
 def _before_the_end(stands: Sequence[events.Event]) -> list[events.Event]:
-    """Return the events before the first that shows a stop on its way, or something that a full disk left out.
+    """Return the events before the first sign of a stop, or of something that a full disk left out.
 
-    A case hears of a stop before the journal does: the event `stop` follows the end of the case, or found no space.
+    A case learns of a stop before the journal does: the event `stop` follows the end of the case, or found no space.
     """
     entered = max((event.seq for event in stands if isinstance(event, events.Resumed)), default=-1)
     return list(takewhile(lambda event: event.seq <= entered or not _is_end(event), stands))
@@ -305,7 +305,7 @@ def _is_end(event: events.Event) -> bool:
 
 
 def _left(earlier: Earlier, own: Sequence[events.Event], *, stopped: bool) -> set[str]:
-    """Return the planned cases that have no outcome; what a stop kept from running is still to be run."""
+    """Return the planned cases without an outcome; those that a stop kept from running are still to be run."""
     ended = {each.case for each in own if isinstance(each, events.CaseEnd) and each.verdict is not Verdict.ABORTED}
     left_out = {each.case for each in own if isinstance(each, events.NotRun)}
     return {case.case for case in earlier.of_head(events.Planned).cases} - ended - (set() if stopped else left_out)
@@ -323,10 +323,10 @@ def _can_be_entered(event: events.Event, ended: Collection[str]) -> bool:
 
 
 def not_opened(happened: Iterable[events.Event]) -> dict[int, Gate]:
-    """Return the gate of the host that ended an arming, per arming that one ended.
+    """Return, by arming, the host gate that ended it.
 
-    An arming is told by the `void_to` of the entry at which it was done, the first one by `FIRST_ARMING`. What the
-    guardian finds after an arming, at its release, is not a gate of it.
+    An arming is identified by the `void_to` of its entry, the first one by `FIRST_ARMING`. What the guardian finds
+    after an arming, at its release, is not one of its gates.
     """
     found: dict[int, Gate] = {}
     arming: int | None = FIRST_ARMING

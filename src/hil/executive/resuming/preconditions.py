@@ -1,4 +1,4 @@
-"""What a resumed run is made of: the same as before, or it is not resumed."""
+"""Preconditions of a resumption: the run is made of the same as before, or it is not resumed."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _PARTS = {
 _MOST_FILES = 3
 _DIGITS = 12
 _SOFTWARE = ("hil", "python", "packages", "numeric", "byte_order")
-"""What of the software decides how numbers come out."""
+"""The software that affects numerical results."""
 
 
 def resumed_request(
@@ -46,18 +46,18 @@ def resumed_request(
     served: Path | None = None,
     acknowledge_within_s: float = 600.0,
 ) -> Request:
-    """Return the request that the run began with.
+    """Return the request with which the run began.
 
     Args:
         earlier: the interrupted run.
-        start: the folder where the workspace is searched for.
+        start: the folder from which the workspace is searched for.
         answers: a file with answers to further questions.
         person: whether a person at the terminal answers.
         served: the folder in which its bench is served, None if it is not.
-        acknowledge_within_s: how long the person on call of an unattended run may take to answer [s].
+        acknowledge_within_s: timeout for the person on call of an unattended run to answer [s].
 
     Raises:
-        Refused: if its bench was served and no folder is named, or the other way round.
+        Refused: if its bench was served and no folder is named, or vice versa.
     """
     run = earlier.run
     was_served = run.live is not None and run.live.served
@@ -90,46 +90,46 @@ def resumed_request(
 
 
 def changes(earlier: Earlier, configuration: Configuration) -> tuple[str, ...]:
-    """Return what has changed since the run began: a sentence for each part, with the files."""
+    """Return what has changed since the run began, a sentence for each part, with the files."""
     then = {**earlier.of_head(events.Frozen).files, **earlier.frozen_later}
     configuration.inputs.use_again(then)
     with tempfile.TemporaryDirectory(prefix="hil-resume-") as folder:
         now = freeze(configuration, Path(folder)).files
     differing = sorted(path for path in {*then, *now} - _REGISTERS if then.get(path) != now.get(path))
-    return tuple(_told(differing))
+    return tuple(_sentences(differing))
 
 
 def deviation_of(earlier: Earlier, configuration: Configuration, reason: str) -> str:
-    """Return how the software deviates from that which began the run, empty if it does not.
+    """Return how the software deviates from that at the run's beginning, empty if it does not.
 
     Args:
         earlier: the interrupted run.
         configuration: what it is made of.
-        reason: why it is resumed in spite of that, empty if nobody gave one.
+        reason: why it is resumed in spite of that, empty if not given.
 
     Raises:
         Refused: if it deviates and there is no reason.
     """
     then, now = _software(earlier.folder), software_identity(configuration.workspace.root)
     differing = [name for name in _SOFTWARE if then.get(name) != now.get(name)]
-    told = ", ".join(text for name in differing if (text := _versions(name, then.get(name), now.get(name))))
-    if not told:
+    differences = ", ".join(text for name in differing if (text := _versions(name, then.get(name), now.get(name))))
+    if not differences:
         return ""
     if not reason:
         raise Refused(
-            f"{earlier.folder.name}: the software differs from the one that started it: {told}",
+            f"{earlier.folder.name}: the software differs from the one that started it: {differences}",
             "install that again, or give a reason with --other-software; the run then deviates and closes nothing",
         )
-    return f"resumed with other software ({told}): {reason}"
+    return f"resumed with other software ({differences}): {reason}"
 
 
 def require_answers(earlier: Earlier, request: Request) -> None:
-    """Require that somebody answers further questions where not the simulated person has answered so far.
+    """Require that somebody answers further questions, unless the simulated person has answered so far.
 
-    Those of an unattended run wait for an answer from any terminal.
+    In an unattended run they wait for an answer from any terminal.
 
     Raises:
-        Refused: with whoever has answered.
+        Refused: with who has answered so far.
     """
     answers = (line.event for line in earlier.lines if isinstance(line.event, events.Answer))
     others = sorted({answer.by for answer in answers} - {SIMULATED_PERSON})
@@ -155,7 +155,7 @@ def require_same_cases(earlier: Earlier, planned: Sequence[PlannedCase]) -> None
         )
 
 
-def _told(paths: Sequence[str]) -> Iterator[str]:
+def _sentences(paths: Sequence[str]) -> Iterator[str]:
     for part, name in _PARTS.items():
         files = [path.removeprefix("data/") for path in paths if path.startswith(part)]
         if files:
@@ -176,23 +176,23 @@ def _software(folder: Path) -> Mapping[str, object]:
 def _versions(name: str, then: object, now: object) -> str:
     if isinstance(then, dict) and isinstance(now, dict):
         keys = [key for key in sorted({*then, *now}) if then.get(key) != now.get(key)]
-        told = (_version(f"{name} {key}", then.get(key, "none"), now.get(key, "none")) for key in keys)
-        return ", ".join(text for text in told if text)
+        differences = (_version(f"{name} {key}", then.get(key, "none"), now.get(key, "none")) for key in keys)
+        return ", ".join(text for text in differences if text)
     return f"{name} {then} is {now}"
 
 
 def _version(name: str, then: object, now: object) -> str:
-    """Return in words what is another, nothing if it only looks so; of a commit which, and the files beside it."""
+    """Return in words what differs, empty if it only looks different; of a commit, which, and the changed files."""
     if not isinstance(then, dict) or not isinstance(now, dict):
         return f"{name} {then} is {now}"
-    told = [] if then.get("id") == now.get("id") else [f"{name} {_short(then)} is {_short(now)}"]
+    differences = [] if then.get("id") == now.get("id") else [f"{name} {_short(then)} is {_short(now)}"]
     before, after = then.get("files", {}), now.get("files", {})
     if files := sorted(path for path in {*before, *after} if before.get(path) != after.get(path)):
         more = f" and {len(files) - _MOST_FILES} more" if len(files) > _MOST_FILES else ""
-        told.append(f"its source differs in {', '.join(files[:_MOST_FILES])}{more}")
-    elif bool(then.get("changed")) != bool(now.get("changed")):  # a run of before files were named
-        told.append(f"its source was {'changed' if then.get('changed') else 'not changed'} then")
-    return ", ".join(told)
+        differences.append(f"its source differs in {', '.join(files[:_MOST_FILES])}{more}")
+    elif bool(then.get("changed")) != bool(now.get("changed")):  # a run from before files were named
+        differences.append(f"its source was {'changed' if then.get('changed') else 'not changed'} then")
+    return ", ".join(differences)
 
 
 def _short(commit: Mapping[str, object]) -> str:

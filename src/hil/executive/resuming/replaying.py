@@ -1,4 +1,4 @@
-"""Replay: a package becomes a workspace again, and its cases must come to the same verdicts."""
+"""Replay: a package is unpacked as a workspace, and its cases must reach the same verdicts."""
 
 from __future__ import annotations
 
@@ -24,24 +24,24 @@ from hil.registers.instruments import INSTRUMENTS
 __all__ = ["STOPPED", "Differences", "as_packed", "differences", "replay_request", "unpack"]
 
 STOPPED = frozenset({Verdict.ABORTED, Verdict.NOT_RUN})
-"""The verdicts of cases that did not come to an end of their own."""
+"""The verdicts of cases that did not end by themselves."""
 
 _LAYOUT = ("testplans", "fixtures")
 
 _MINUS_ZERO = re.compile(r"(?<!\S)-0(?!\S)")
-"""What earlier versions said of a current that is zero from below."""
+"""How earlier versions wrote a current of zero from below."""
 
 _NUMBERS = ("value", "uncertainty")
-"""What of a check may be computed more exactly by a later version without another verdict."""
+"""Fields of a check that a later version may compute more exactly without changing the verdict."""
 
 _OF_BENCH = (events.Gate, events.Trip, events.Rest, events.Safe, events.SafeEnd)
 
 
 def unpack(package: Package, root: Path) -> None:
-    """Lay the frozen catalogue, sources and bench out as the workspace that they came from.
+    """Unpack the frozen catalogue, sources and bench as the workspace that they came from.
 
     Raises:
-        EvidenceError: if the package does not say what was run and where they were, or names places outside of a
+        EvidenceError: if the package does not say what was run or where the files were, or names places outside a
             workspace.
     """
     run = package.state.run
@@ -63,7 +63,7 @@ def unpack(package: Package, root: Path) -> None:
 
 
 def as_packed(package: Package, error: ConfigurationError) -> ConfigurationError:
-    """Return an error in the files of a replay with the paths that these have in the package."""
+    """Return an error in a replay's files with their paths in the package."""
     run, layout = package.state.run, _layout(package)
     testplans, fixtures = (PurePosixPath(layout[name]) for name in _LAYOUT)
     bench = fixtures / "benches" / (run.bench if run else "")
@@ -95,7 +95,7 @@ def _layout(package: Package) -> Mapping[str, str]:
 
 
 def _within(folder: Path, name: str, package: Package) -> Path:
-    """Return a place below a folder: nothing of a package is written anywhere else."""
+    """Return a path below a folder: nothing of a package is written anywhere else."""
     path = (folder / name).resolve()
     if not path.is_relative_to(folder):
         raise EvidenceError(f"{package.name}: {name!r} is outside of the workspace of its replay", "see hil verify")
@@ -123,18 +123,18 @@ def replay_request(package: Package, root: Path, output: Path) -> Request:
 
 
 def _left_out(package: Package) -> dict[str, str]:
-    """Return the cases that plain pytest was not asked for, or did not come to, with why."""
+    """Return the cases that plain pytest was not asked for, or did not reach, with the reason."""
     left_out = (each for each in package.of(events.NotRun) if each.reason in {DESELECTED, ENDED_BEFORE})
     return {each.case: each.reason for each in left_out}
 
 
 class Differences(NamedTuple):
-    """What came out otherwise.
+    """Differences of a replay.
 
     Attributes:
         sentences: one for each difference.
-        following: how many more follow where a case left the record.
-        of_numbers: how many of the sentences tell of another value or uncertainty only; every verdict may be the same.
+        following: how many more follow after a case left the record.
+        of_numbers: how many of the sentences are about a value or uncertainty only; all verdicts may be the same.
     """
 
     sentences: tuple[str, ...]
@@ -149,11 +149,11 @@ class _Difference(NamedTuple):
 
 
 def differences(recorded: Package, replayed: Package) -> Differences:
-    """Return a sentence for every verdict, value and recording that came out otherwise, and how many more follow.
+    """Return a sentence for every verdict, value and recording that differs, and how many more follow.
 
-    Where a case left the record, that is the last sentence: nothing after it finds the bytes that it needs, so that
-    what else came out otherwise is counted only. Neither a person's stop nor the end of a process is replayed: of a
-    run that was cut short the cases count that had ended before.
+    If a case left the record, that is the last sentence: nothing after it finds the bytes that it needs, so further
+    differences are only counted. Neither a person's stop nor the end of a process is replayed: for a run that was
+    cut short, only the cases that had ended before count.
     """
     found = tuple(_differences(recorded, replayed))
     shown = next((place for place, each in enumerate(found, 1) if each.cause), len(found))
@@ -165,7 +165,7 @@ def differences(recorded: Package, replayed: Package) -> Differences:
 
 
 def _differences(recorded: Package, replayed: Package) -> Iterator[_Difference]:
-    """Yield every difference, with whether it is why others follow."""
+    """Yield every difference, with whether others follow from it."""
     outcome, cut_short = recorded.outcome(), recorded.cut_short
     before, after = ({case.case: case for case in found.cases} for found in (outcome, replayed.outcome()))
     for case, was in before.items():
@@ -215,9 +215,9 @@ def _row_differences(recorded: Package, replayed: Package) -> Iterator[str]:
 
 
 def _bench_differences(recorded: Package, replayed: Package) -> Iterator[str]:
-    """Yield the first thing that the bench did otherwise between cases, if any.
+    """Yield the first thing that the bench did differently between cases, if any.
 
-    A gate that the record does not have is one of this version: what it looks at is in no record.
+    A gate that the record lacks is new in this version: what it checks is not in the record.
     """
     before, after = (
         [event for event in package.events if type(event) in _OF_BENCH] for package in (recorded, replayed)
@@ -226,19 +226,19 @@ def _bench_differences(recorded: Package, replayed: Package) -> Iterator[str]:
     after = [event for event in after if not isinstance(event, events.Gate) or event.name in gates]
     for was, now in zip_longest(before, after):
         if was is None or now is None or _essence(was) != _essence(now):
-            yield f"the bench: {_told(was)} in the record, {_told(now)} replayed"
+            yield f"the bench: {_described(was)} in the record, {_described(now)} replayed"
             return
 
 
-def _told(event: events.Event | None) -> str:
+def _described(event: events.Event | None) -> str:
     if event is None:
         return "nothing"
-    told = (getattr(event, field, None) for field in ("name", "limit", "output", "ok", "detail", "text"))
-    return " ".join(str(word) for word in (event.kind(), *told) if word is not None)
+    words = (getattr(event, field, None) for field in ("name", "limit", "output", "ok", "detail", "text"))
+    return " ".join(str(word) for word in (event.kind(), *words) if word is not None)
 
 
 def _essence(event: events.Event) -> tuple[object, ...]:
-    """Return what happened to what, and every number that was read; in which words is up to the version."""
+    """Return what happened to what, and every number read; the wording depends on the version."""
     words = f"{getattr(event, 'detail', '')} {getattr(event, 'text', '')}".split()
     numbers = tuple(_MINUS_ZERO.sub("0", word.strip(",;:.()")) for word in words if any(map(str.isdigit, word)))
     return (event.kind(), *(getattr(event, field, None) for field in ("name", "limit", "output", "ok")), numbers)

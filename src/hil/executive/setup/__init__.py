@@ -1,1 +1,1 @@
-"""What a run is made of: workspace, configuration, software, and what is frozen of them."""
+"""Setup of a run: workspace, configuration, software, and what is frozen of them."""

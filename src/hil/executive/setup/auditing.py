@@ -1,4 +1,4 @@
-"""What the code of a workspace opens, writes and executes, as the interpreter's audit events tell it."""
+"""Auditing of what a workspace's code opens, writes and executes, by the interpreter's audit events."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ _WRITES = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
 
 
 class _Watch:
-    """Looks at the audit events of one run.
+    """Handles the audit events of one run.
 
     Args:
-        inputs: is told what the workspace's code does with files.
-        ground: the workspace, and what in it is no input of a run.
+        inputs: is notified of what the workspace's code does with files.
+        ground: the workspace, and what in it is not an input of a run.
     """
 
     def __init__(self, inputs: Inputs, ground: Ground) -> None:
@@ -58,7 +58,7 @@ class _Watch:
         place = self._ground.place(path)
         if not place or not self._is_asked():
             return
-        if COMPILED in place:  # what it was compiled from is nobody's to tell
+        if COMPILED in place:  # as if missing: what it was compiled from is unknown
             raise FileNotFoundError(ENOENT, os.strerror(ENOENT), place)
         if isinstance(flags, int) and flags & _WRITES:
             self._inputs.written(Path(place))
@@ -77,15 +77,15 @@ class _Watch:
         if not file.startswith(os.sep) or self._ground.knows(file):
             return
         if os.path.exists(file) and self._is_asked():  # noqa: PTH110 - on every exec
-            named = "/".join(Path(file).parts[-2:])  # the rest tells of this machine
+            named = "/".join(Path(file).parts[-2:])  # the rest is about this machine
             raise CodeFromOutside(
                 f"{named} is neither in the workspace nor installed, so no package would hold it",
                 "move it into the workspace, or install it",
             )
 
     def _is_asked(self) -> bool:
-        """Return whether code of the workspace asks, and not the executive, or pytest for itself."""
-        frame: FrameType | None = sys._getframe(1)  # noqa: SLF001 - there is no other way to who asks
+        """Return whether the caller is code of the workspace, and not the executive, or pytest for itself."""
+        frame: FrameType | None = sys._getframe(1)  # noqa: SLF001 - there is no other way to the caller
         while frame is not None:
             file = frame.f_code.co_filename
             if file.startswith(PRODUCT) and file != __file__:
@@ -105,47 +105,47 @@ _executed: list[CodeType | str] = []
 
 
 def _hook(event: str, args: tuple[object, ...]) -> None:
-    if event not in _HEARD:  # as most, and Python tells some hundred thousand
+    if event not in _HEARD:  # like most of some hundred thousand
         return
     if event in _RECODES and isinstance(function := args[0], FunctionType):
         _recoded.append((function, (function.__code__, function.__defaults__)))
     elif event == "exec" and isinstance(code := args[0], CodeType):
         if code.co_name == "<module>" and code.co_filename.startswith(os.sep):
             _executed.append(code)
-    elif event == "import" and isinstance(args[1], str):  # of a compiled library; any other module is executed
+    elif event == "import" and isinstance(args[1], str):  # a compiled library; any other module is executed
         _executed.append(args[1])
     if _watches:
         _watches[-1].take(event, args)
 
 
 def begin() -> int:
-    """Hear every audit event of this process from now on; return how many functions were given other code before."""
-    if not _hooked:  # nobody can take a hook away again
+    """Listen to this process's audit events from now on; return how many functions were given other code before."""
+    if not _hooked:  # a hook cannot be removed
         sys.addaudithook(_hook)
         _hooked.append(True)
     return len(_recoded)
 
 
 def recoded(since: int) -> Sequence[Recoded]:
-    """Return the functions that were given other code or defaults since so many were.
+    """Return the functions that were given other code or defaults after the first `since` of them.
 
-    To look at the code of every function takes long: each look is an audit event of its own.
+    Examining the code of every function would be slow: each access is an audit event of its own.
     """
     return _recoded[since:]
 
 
 def executed(since: int) -> Sequence[CodeType | str]:
-    """Return the code of every module that was executed, and every compiled library, since so many were."""
+    """Return the code of all executed modules, and all compiled libraries, after the first `since` of them."""
     return _executed[since:]
 
 
 @contextmanager
 def watched(inputs: Inputs, ground: Ground) -> Iterator[None]:
-    """Let inputs know what the workspace's code opens, until the context is left.
+    """Notify `inputs` of what the workspace's code opens, until the context is left.
 
     Args:
-        inputs: is told.
-        ground: the workspace, and what in it is no input of a run.
+        inputs: is notified.
+        ground: the workspace, and what in it is not an input of a run.
     """
     begin()
     watch = _Watch(inputs, ground)

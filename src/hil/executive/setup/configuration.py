@@ -1,4 +1,4 @@
-"""Everything that a run is made of, read and checked before anything is opened."""
+"""Configuration: everything that a run is made of, read and checked before anything is opened."""
 
 from __future__ import annotations
 
@@ -37,29 +37,29 @@ _Loaded = TypeVar("_Loaded")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Request:
-    """What a person asks of the executive.
+    """A person's request to the executive.
 
     Attributes:
-        start: the folder where the workspace is searched for.
+        start: the folder from which the workspace is searched for.
         plans: plans, as paths or names.
         bench: the bench's name.
         dut: serial number of the device under test.
         source: hardware or simulated.
         purpose: why the run is made.
-        operator: the person's name, empty if nobody said.
-        skips: parts of case ids to the reason why they are not run.
-        only: parts of the ids of the only cases that are run; all where there is none.
+        operator: the person's name, empty if not given.
+        skips: reasons why cases are not run, by part of their id.
+        only: parts of the ids of the only cases to run; all if there is none.
         overrides: parameters changed on the command line.
         answers: a file with answers to questions.
-        person: whether a person at the terminal answers, also on a simulated bench.
-        output: where the package goes, the workspace's reports where None.
+        person: whether a person at the terminal answers, even on a simulated bench.
+        output: where the package goes, the workspace's reports if None.
         served: the folder in which another process serves the simulated bench, None if none does.
         epoch: UTC of bench time zero, ISO 8601, for a bench outside this process.
-        junit: where the results are written as JUnit XML as well, None for nowhere else.
-        strict: whether a requirement of the plans that the run says nothing of makes it fail.
-        unattended: whether nobody stays with the run; that takes more of a bench outside this process.
-        on_call: who comes if something happens then.
-        acknowledge_within_s: how long that person may take to answer when the bench is armed [s].
+        junit: where the results are also written as JUnit XML, None for nowhere else.
+        strict: whether a requirement of the plans that the run leaves uncovered makes it fail.
+        unattended: whether the run is unattended; that requires more of a bench outside this process.
+        on_call: who is on call then.
+        acknowledge_within_s: timeout for that person to answer when the bench is armed [s].
     """
 
     start: Path
@@ -100,7 +100,7 @@ class Configuration:
 
     @property
     def ground(self) -> Ground:
-        """Where the inputs of the run can be."""
+        """Where the run's inputs can be."""
         workspace, request = self.workspace, self.request
         apart = (path.resolve() for path in (workspace.reports, request.output, request.served) if path is not None)
         return Ground(workspace.root, [path for path in apart if not workspace.testplans.is_relative_to(path)])
@@ -112,7 +112,7 @@ class Configuration:
 
     @property
     def reach(self) -> Reach | None:
-        """Where the bench is, None if it lives in this process. See `reach_of`."""
+        """How the bench is reached, None if it is in this process. See `reach_of`."""
         return reach_of(self.bench, self.request.source, self.request.served)
 
     @property
@@ -121,9 +121,9 @@ class Configuration:
         return self.request.epoch or (self.bench.simulated.epoch if self.bench.simulated else "")
 
     def stands(self, plan: str, number: float) -> bool:
-        """Return whether a number that a case computed with is one of its plan's parameters, or stands in a source.
+        """Return whether a number that a case computed with is one of its plan's parameters, or appears in a source.
 
-        One does, because it scales nothing.
+        The number 1 does, because it scales nothing.
         """
         given = {abs(each) for row in self.parameters[plan].rows() for each in row.numbers}
         return abs(number) in {1.0, *given} or self.inputs.stands(number)
@@ -141,8 +141,8 @@ def configure(request: Request) -> Configuration:
     """Read everything that the request names.
 
     Raises:
-        Refused: for a name that does not exist, an article that a plan is not for, and a Python without assertions.
-        ConfigurationError: with everything that is wrong with all files.
+        Refused: for an unknown name, an article that a plan is not for, and a Python without assertions.
+        ConfigurationError: with everything that is wrong in all files.
     """
     require_assertions()
     noted = Findings()
@@ -176,9 +176,9 @@ def configure(request: Request) -> Configuration:
 
 
 def fitting_plans(request: Request) -> tuple[str, ...]:
-    """Return those of the request's plans that are for its article; all of them where none or nobody knows which.
+    """Return the request's plans for its article; all of them if none is for it, or that cannot be determined.
 
-    Whoever names a folder of plans means those that can be run; what is wrong with any of them `configure` says.
+    Naming a folder of plans means those that can be run; `configure` reports what is wrong with any of them.
     """
     try:
         workspace = find_workspace(request.start)
@@ -192,7 +192,7 @@ def fitting_plans(request: Request) -> tuple[str, ...]:
 
 
 def _require_reports(workspace: Workspace, request: Request) -> None:
-    """Require that evidence that counts is kept where an audit finds it, a FAIL above all."""
+    """Require that evidence that counts, above all a FAIL, is kept where an audit finds it."""
     elsewhere = request.output is not None and request.output.resolve() != workspace.reports.resolve()
     if elsewhere and request.source is Source.HARDWARE and request.purpose.closes:
         raise Refused(
@@ -203,10 +203,10 @@ def _require_reports(workspace: Workspace, request: Request) -> None:
 
 
 def _taken_names(inputs: Inputs, request: Request) -> Iterator[Finding]:
-    """Give a finding for every file beside the bench file that would be overwritten in the package."""
+    """Yield a finding for every file beside the bench file that would be overwritten in the package."""
     for path in inputs.bench_files:
         taken = path.name in _OF_THE_PACKAGE and (path.parent / _BENCH_FILE).is_file()
-        if taken and request.source is not Source.REPLAYED:  # whose bench is the one of a package
+        if taken and request.source is not Source.REPLAYED:  # whose bench is that of a package
             text = "the package keeps a file of its own by this name: rename it, or move it out of the bench's folder"
             yield Finding(inputs.shown(path), 0, 0, text)
 
@@ -215,12 +215,12 @@ def _plans(workspace: Workspace, request: Request, noted: Findings) -> tuple[Pat
     try:
         return tuple(dict.fromkeys(workspace.plan(plan, request.start) for plan in request.plans))
     except Refused:
-        noted.raise_if_any()  # settings that are wrong may be why there is no such plan
+        noted.raise_if_any()  # wrong settings may be why there is no such plan
         raise
 
 
 def reach_of(bench: BenchSpec, source: Source, served: Path | None) -> Reach | None:
-    """Return where a bench outside this process is, None for one that lives in it.
+    """Return how a bench outside this process is reached, None for one in it.
 
     Raises:
         Refused: for hardware on a system that cannot guard it, and for a folder in which no such bench is served.
@@ -246,7 +246,7 @@ def _bench(workspace: Workspace, request: Request) -> BenchSpec:
 
 
 def _dut(dut: Dut, request: Request) -> Dut:
-    """Return the article, or refuse what nobody can do with one that exists on simulated benches only."""
+    """Return the article, or refuse what is impossible with one that exists on simulated benches only."""
     if dut.simulated and request.source is Source.HARDWARE:
         raise Refused(f"{dut.serial} exists on simulated benches only, and this run is on hardware", _NOT_SIMULATED)
     if dut.simulated and request.source is Source.SIMULATED and request.purpose.closes:
@@ -277,7 +277,7 @@ def _gather(load: Callable[[], _Loaded], findings: list[Finding]) -> _Loaded | N
 
 
 def _overridden(parameters: dict[str, Parameters], request: Request) -> dict[str, Parameters]:
-    """Change parameters as the command line says; each must exist in one of the plans at least."""
+    """Override parameters as the command line says; each must exist in at least one of the plans."""
     for name, text in request.overrides.items():
         holders = [plan for plan, each in parameters.items() if name in {row.name for row in each.rows()}]
         for plan in holders or list(parameters)[:1]:
@@ -286,14 +286,14 @@ def _overridden(parameters: dict[str, Parameters], request: Request) -> dict[str
 
 
 def require_fitting(catalogue: Catalogue, dut: Dut, duts: Sequence[Dut], source: Source, register: str) -> None:
-    """Require that every asked plan is for the article's part number, as far as it names any.
+    """Require that every requested plan is for the article's part number, if it names any.
 
     Args:
-        catalogue: what the asked plans hold.
-        dut: the article that was asked for.
-        duts: all of the register, from which others are named.
-        source: where the bench is; on hardware no article is named that exists on simulated benches only.
-        register: the register's path as shown to a person.
+        catalogue: the catalogue of the requested plans.
+        dut: the requested article.
+        duts: the whole register, from which others are suggested.
+        source: of the bench; on hardware, no article is suggested that exists on simulated benches only.
+        register: the register's path as shown to people.
 
     Raises:
         Refused: with the articles that fit.
@@ -302,7 +302,7 @@ def require_fitting(catalogue: Catalogue, dut: Dut, duts: Sequence[Dut], source:
     others = {plan: parts for plan, parts in named.items() if dut.part not in parts}
     if not others:
         return
-    told = "; ".join(f"{plan} is for {' or '.join(parts)}" for plan, parts in others.items())
+    mismatches = "; ".join(f"{plan} is for {' or '.join(parts)}" for plan, parts in others.items())
     fitting = [
         each.serial
         for each in duts
@@ -311,7 +311,7 @@ def require_fitting(catalogue: Catalogue, dut: Dut, duts: Sequence[Dut], source:
     ]
     known = {part for parts in others.values() for part in parts}
     raise Refused(
-        f"{dut.serial} has the part number {dut.part}, but {told}{did_you_mean(dut.part, known)}",
+        f"{dut.serial} has the part number {dut.part}, but {mismatches}{did_you_mean(dut.part, known)}",
         f"name one that fits with --dut: {', '.join(fitting)}" if fitting else _none(register, named),
     )
 

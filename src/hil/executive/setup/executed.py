@@ -1,4 +1,4 @@
-"""What a run executed, compared with what was installed: the source as it was recorded, and the code as its source."""
+"""Comparison of executed code with what was installed: of sources with their RECORD, and of code with its source."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ __all__ = ["Executed"]
 _PRODUCT = "hil"
 _CASES = ("test_", "conftest")
 _HEADER = 16
-"""Bytes before the code in a compiled copy: magic number, flags, and time and size of the source (PEP 552)."""
+"""Header bytes of a compiled copy: magic number, flags, and time and size of the source (PEP 552)."""
 
 _MAPS = Path("/proc/self/maps")
 _FIELDS = 6
 _DELETED = " (deleted)"
-"""Stands after the name of a file that is no longer there, such as after an upgrade."""
+"""Suffix to the name of a file that no longer exists, such as after an upgrade."""
 _SYSTEM = (
     "/gnu/store/",
     "/lib",
@@ -42,19 +42,19 @@ _SYSTEM = (
     "/usr/local/lib",
     *(f"{os.path.realpath(each)}{os.sep}" for each in (f"{sys.base_prefix}/bin", f"{sys.base_prefix}/lib")),
 )
-"""Where systems, and Python, have their libraries: only who administrates the computer puts any there."""
+"""Where systems, and Python, have their libraries: only the computer's administrator can put any there."""
 
 
 class Executed:
-    """The code that this process, and those of vendors' drivers, have executed outside of Python's own library.
+    """The code that this process, and those of vendors' drivers, have executed outside Python's own library.
 
-    What is imported late, such as by a function of a driver, is neither named nor compared when a run begins. And a
-    compiled copy is executed whatever it was compiled from, if it gives the time and the size of the source.
+    Late imports, such as by a function of a driver, are neither listed nor compared when a run begins. And a compiled
+    copy is executed whatever it was compiled from, if its time and size are those of the source.
 
     Args:
-        inputs: what is frozen of the workspace.
+        inputs: what is frozen from the workspace.
         modules: the modules of this process.
-        maps: names every file whose machine code this process executes, see proc_pid_maps(5).
+        maps: lists every file whose machine code this process executes, see proc_pid_maps(5).
     """
 
     def __init__(self, inputs: Inputs, modules: Mapping[str, object] = sys.modules, maps: Path = _MAPS) -> None:
@@ -65,46 +65,44 @@ class Executed:
         self._offering = {str(path): digest for each in other_packages() for path, digest in each.digests().items()}
         self._strays = set(of_no_package(inputs.root, modules))
         self._product = product_source()
-        self._told: set[str] = set()
+        self._reported: set[str] = set()
         self._seen: set[str] = set()
         self._pythons: set[str] = set()
         self._fine: set[str] = set()
         self._heard = 0
         self._codes: dict[str, list[CodeType]] = {}
-        self._first: tuple[str, ...] = (
-            self._of_others()
-        )  # which takes long the first time, and nothing waits for it now
+        self._first: tuple[str, ...] = self._of_others()  # slow the first time, and nothing waits for it now
 
     def new_problems(self) -> tuple[str, ...]:
-        """Return why what was executed of others since the last call is not known, a sentence each."""
+        """Return why third-party code executed since the last call is unknown, a sentence each."""
         first, self._first = self._first, ()
-        return self._untold([*first, *self._of_others()])
+        return self._new([*first, *self._of_others()])
 
     def last_problems(self) -> tuple[str, ...]:
-        """Return why what was executed is not known, the product and what it needs included, a sentence each."""
+        """Return why executed code is unknown, including the product and its dependencies, a sentence each."""
         self._hear()
         changed = ["hil was changed while the run lasted"] if product_source() != self._product else []
         found = (*self._problems(self._files()), *self._replaced_parts(), *self._strange_libraries())
-        return self._untold([*found, *changed])
+        return self._new([*found, *changed])
 
     def packages(self) -> tuple[str, ...]:
-        """Return the packages whose code was executed, sorted, but for hil and what hil needs."""
+        """Return the packages whose code was executed, sorted, except hil and its dependencies."""
         self._hear()
         names = {self._installed.package_of(file) for file in self._files() if not self._is_needed(file)}
         return tuple(sorted(names - {""}))
 
     def _of_others(self) -> tuple[str, ...]:
-        """Return what is wrong with the files of others that were executed since."""
+        """Return what is wrong with third-party files executed since the last call."""
         self._hear()
         files = [file for file in self._files() if file not in self._seen]
         self._seen.update(files)
         return (*self._problems(file for file in files if not self._is_needed(file)), *self._strange_libraries())
 
     def _replaced_parts(self) -> Iterator[str]:
-        """Give the functions of hil, and of what it is built on, in whose place code of others stands.
+        """Yield the functions of hil and of its dependencies that other code has replaced.
 
-        It does not matter whether that was before hil looked first. Of libraries, functions that a module only imported
-        are left out, and so is code without a file, which many of them make.
+        It does not matter whether that was before hil first looked. For libraries, functions that a module only
+        imported are left out, and so is code without a file, which many of them generate.
         """
         for named, owner, name, code in _functions(self._modules):
             file = code.co_filename
@@ -117,11 +115,11 @@ class Executed:
             if named.partition(".")[0] == _PRODUCT:
                 if not (file.startswith("<") and name.startswith("__")):  # by `dataclass`
                     yield f"{by} replaced {owner}.{name}, which is a part of hil"
-            elif file.startswith(os.sep) and self._is_replaced(named, owner, name):
+            elif file.startswith(os.sep) and self._is_defined_by_library(named, owner, name):
                 yield f"{by} replaced {owner}.{name}, which hil is built on"
 
-    def _is_replaced(self, named: str, owner: str, name: str) -> bool:
-        """Return whether a function of a library, by the name of its module, is one that the library has itself."""
+    def _is_defined_by_library(self, named: str, owner: str, name: str) -> bool:
+        """Return whether a library itself defines a function, so that other code in it is a replacement."""
         module = self._modules.get(named)
         file = getattr(module, "__file__", None)
         if getattr(module, "__name__", named) != named:  # the module is known by its own name, too
@@ -131,13 +129,14 @@ class Executed:
         return owner != named or file is None or not file.endswith(".py") or _defines(file, name)
 
     def _strange_libraries(self) -> Iterator[str]:
-        """Give the libraries of machine code that are of nobody, whoever loaded them: the linker, or `ctypes`.
+        """Yield the libraries of machine code that belong to no package, whether loaded by the linker or by `ctypes`.
 
-        The system is believed, and so are libraries beside Python. A module in a package in place has to be committed.
+        The system's libraries are trusted, and so are those beside Python. A module of a package in place has to be
+        committed.
         """
         try:
             lines = self._maps.read_text(encoding="utf-8", errors="replace").splitlines()
-        except OSError:  # there is no such file on this system
+        except OSError:  # no such file on this system
             return
         found = {fields[5] for line in lines if len(fields := line.split(maxsplit=5)) == _FIELDS and "x" in fields[1]}
         for file in sorted(each for each in found if each.startswith("/")):
@@ -147,13 +146,13 @@ class Executed:
             ):
                 yield f"the library {path.name} was loaded, which is neither of the system nor of an installed package"
 
-    def _untold(self, problems: Iterable[str]) -> tuple[str, ...]:
-        found = tuple(each for each in dict.fromkeys(problems) if each not in self._told)
-        self._told.update(found)
+    def _new(self, problems: Iterable[str]) -> tuple[str, ...]:
+        found = tuple(each for each in dict.fromkeys(problems) if each not in self._reported)
+        self._reported.update(found)
         return found
 
     def _hear(self) -> None:
-        """Take in what was executed since."""
+        """Add what was executed since."""
         heard = auditing.executed(self._heard)
         self._heard += len(heard)
         for each in heard:
@@ -163,14 +162,14 @@ class Executed:
                 self._codes.setdefault(each, [])
 
     def _files(self) -> list[str]:
-        """Return the files that were executed, Python's own left out, sorted."""
+        """Return the files that were executed, except Python's own, sorted."""
         named = (getattr(module, "__file__", None) for module in list(self._modules.values()))
         files = {file for file in named if isinstance(file, str)} | self._codes.keys() | set(files_executed())
         self._pythons.update(file for file in files - self._seen - self._pythons if self._installed.is_python(file))
         return sorted(files - self._pythons)
 
     def _is_needed(self, file: str) -> bool:
-        """Return whether a file is of the product or of a package that it needs."""
+        """Return whether a file belongs to the product or to one of its dependencies."""
         return file.startswith(PRODUCT) or self._installed.name_of(file) in needed()
 
     def _problems(self, files: Iterable[str]) -> Iterator[str]:
@@ -185,7 +184,7 @@ class Executed:
     def _of_workspace(self, file: str, path: Path) -> Iterator[str]:
         if path not in self._inputs.snapshot:
             yield f"{self._inputs.shown(path)} was executed, and was not frozen"
-        elif not path.name.startswith(_CASES):  # assertions of cases are rewritten, and loaded from what is frozen
+        elif not path.name.startswith(_CASES):  # assertions of cases are rewritten, and loaded from the frozen source
             data = self._inputs.snapshot.take(path)
             if not _are_of(self._codes.get(file, []), data, file):
                 yield f"{self._inputs.shown(path)} was executed otherwise than its source says"
@@ -203,7 +202,7 @@ class Executed:
             yield f"{shown} was executed otherwise than its source says, such as from a compiled copy of another source"
 
     def _unknown(self, file: str, path: Path) -> str:
-        """Return why nobody knows what a file of others held, empty if it is known."""
+        """Return why it is unknown what a third-party file held, empty if it is known."""
         due, digest = self._offering.get(str(path)), digest_of(path)
         if due is not None:
             return "" if due == digest else "was changed while the run lasted"
@@ -222,7 +221,7 @@ class Executed:
 
 
 def _functions(modules: Mapping[str, object]) -> Iterator[tuple[str, str, str, CodeType]]:
-    """Yield every function in modules and their classes: the module, dotted name of where it is, its name, its code."""
+    """Yield every function in modules and their classes: the module, the owner's dotted name, its name, its code."""
     for named, module in list(modules.items()):
         if not isinstance(module, ModuleType):
             continue
@@ -251,10 +250,10 @@ def _loader(module: object) -> object:
 
 
 def _compiled_copy(file: str) -> list[CodeType]:
-    """Return the code in the compiled copy of a source that was loaded before anybody listened, none without one."""
+    """Return the code in the compiled copy of a source loaded before auditing began, none if there is no copy."""
     try:
         data, its = Path(cache_from_source(file)).read_bytes(), os.stat(file)  # noqa: PTH116 - by the name as it is
-    except (OSError, NotImplementedError, ValueError):  # not there; a Python that keeps none; no name of a source
+    except (OSError, NotImplementedError, ValueError):  # missing; a Python that keeps none; not the name of a source
         return []
     flags = int.from_bytes(data[4:8], "little")
     stamp = int(its.st_mtime).to_bytes(8, "little")[:4] + its.st_size.to_bytes(8, "little")[:4]
@@ -265,7 +264,7 @@ def _compiled_copy(file: str) -> list[CodeType]:
 
 
 def _are_of(codes: Iterable[CodeType], source: bytes, file: str) -> bool:
-    """Return whether codes are what Python makes of a source."""
+    """Return whether code objects are what Python compiles from a source."""
     try:
         due = compile(source, file, "exec", dont_inherit=True)
     except (SyntaxError, ValueError):
@@ -274,10 +273,10 @@ def _are_of(codes: Iterable[CodeType], source: bytes, file: str) -> bool:
 
 
 def _is_alike(one: CodeType, other: CodeType) -> bool:
-    """Return whether two codes do the same, whatever the interpreter has learned of one while it ran.
+    """Return whether two code objects do the same, whatever the interpreter has specialised in one while it ran.
 
-    Python 3.11 compiles one source not always to the same bytes: it jumps to a jump or to where that leads, leaves a
-    jump or a step without effect in place, or puts a step twice. So both are followed along every way, step by step.
+    Python 3.11 does not always compile a source to the same bytes: it may jump to a jump or to its target, keep a jump
+    or a no-op, or duplicate an instruction. So both are followed along every path, instruction by instruction.
     """
     if _head(one) != _head(other):
         return False
@@ -305,14 +304,14 @@ def _head(code: CodeType) -> tuple[object, ...]:
 
 
 def _essence(value: object) -> object:
-    """Return what two equal constants have alike: their types, too, and no order of a set."""
+    """Return a key that equal constants share: including their types, and without the order of a set."""
     if isinstance(value, tuple):
         return tuple(map(_essence, value))
     return (type(value), sorted(map(repr, value)) if isinstance(value, frozenset) else repr(value))
 
 
 class _Course:
-    """The steps of a code, and where each of them leads."""
+    """The instructions of a code object, and where each of them leads."""
 
     def __init__(self, code: CodeType) -> None:
         self._steps = [each for each in dis.get_instructions(code) if each.opname != "EXTENDED_ARG"]
@@ -320,8 +319,8 @@ class _Course:
         self._handlers = getattr(dis, "_parse_exception_table")(code)  # noqa: B009 - there is no public way to it
 
     def leads_to(self, offset: int) -> int:
-        """Return the number of the step at an offset, or of the one to which jumps lead from there."""
-        number = bisect_left(self._offsets, offset)  # an offset of an EXTENDED_ARG is that of the step after it
+        """Return the number of the instruction at an offset, or of the one to which jumps lead from there."""
+        number = bisect_left(self._offsets, offset)  # the offset of an EXTENDED_ARG stands for the instruction after it
         for _ in self._steps:
             if number >= len(self._steps) or self._steps[number].opname not in _EMPTY:
                 break
@@ -330,7 +329,7 @@ class _Course:
         return number
 
     def step(self, number: int) -> tuple[tuple[object, ...], object, tuple[int, ...]]:
-        """Return what a step is, its constant or name, and where it leads: on, by its jump, by an exception."""
+        """Return an instruction, its constant or name, and where it leads: next, by its jump, by an exception."""
         if number >= len(self._steps):
             return ("END",), None, ()
         step = self._steps[number]
@@ -348,7 +347,7 @@ class _Course:
 
 
 _EMPTY = frozenset({"NOP", "JUMP_FORWARD", "JUMP_BACKWARD", "JUMP_BACKWARD_NO_INTERRUPT"})
-"""Steps that do nothing but lead to another one."""
+"""Instructions that only lead to another one."""
 _LAST = frozenset({"RAISE_VARARGS", "RERAISE", "RETURN_VALUE"})
-"""Steps that lead nowhere but to a handler."""
+"""Instructions that lead nowhere but to a handler."""
 _WAY = re.compile("FORWARD_|BACKWARD_")

@@ -1,4 +1,4 @@
-"""Where the files of a run may lie: in the workspace, and not in what is installed, cached or written there."""
+"""Where a run's files may be: in the workspace, except what is installed, cached or written there."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ import hil
 __all__ = ["COMPILED", "PRODUCT", "Ground"]
 
 COMPILED = f"{os.sep}__pycache__{os.sep}"
-"""Stands in the path of every compiled copy of a module."""
+"""Part of the path of every compiled copy of a module."""
 
 PRODUCT = f"{Path(hil.__file__).parent}{os.sep}"
-"""Begins the path of every module of the product."""
+"""Prefix of the path of every module of the product."""
 
 _PACKAGES = f"{os.sep}site-packages{os.sep}"
 
@@ -36,7 +36,7 @@ class Ground:
 
     Args:
         root: the workspace.
-        apart: folders in it that are none: those with packages.
+        apart: folders in it that hold no inputs: those with packages.
     """
 
     def __init__(self, root: Path, apart: Sequence[Path]) -> None:
@@ -46,7 +46,7 @@ class Ground:
         self._folders: dict[str, str] = {}
 
     def place(self, path: object) -> str:
-        """Return where in the workspace a path leads, empty if it leads to no possible input."""
+        """Return the place in the workspace to which a path leads, empty if it cannot be an input."""
         if not isinstance(path, str | bytes | os.PathLike):
             return ""
         text = os.fsdecode(path)
@@ -55,20 +55,20 @@ class Ground:
         return f"{real}{name}" if real else ""
 
     def folder(self, path: str) -> str:
-        """Return where a folder is, with a slash at its end; empty if no file in it can be an input."""
+        """Return the place of a folder, with a trailing slash; empty if no file in it can be an input."""
         real = self._folders.get(path)
         if real is None:
             real = self._folders[path] = self._real(path)
         return real
 
     def is_own(self, file: str) -> bool:
-        """Return whether code is of the workspace, by the path that it was compiled with."""
+        """Return whether code belongs to the workspace, by the path with which it was compiled."""
         return file.startswith(self._root) and not file.startswith((*self._apart, PRODUCT)) and _PACKAGES not in file
 
     def knows(self, file: str) -> bool:
-        """Return whether code is of the workspace, or installed, by the path that it was compiled with."""
+        """Return whether code belongs to the workspace, or is installed, by the path with which it was compiled."""
         known = file.startswith((self._root, *_environment(), *_named()))
-        return known or file.startswith(_editable())  # which takes a second to find out
+        return known or file.startswith(_editable())  # last, because it takes a second
 
     def _real(self, folder: str) -> str:
         real = f"{os.path.realpath(folder)}{os.sep}"
@@ -103,13 +103,13 @@ def _named() -> tuple[str, ...]:
 
 @cache
 def _editable() -> tuple[str, ...]:
-    """Return the folders of packages that were installed in place."""
+    """Return the folders of packages installed in place."""
     found = []
     for item in metadata.distributions():
         with suppress(ValueError):
-            told = json.loads(item.read_text("direct_url.json") or "{}")
-            if told.get("dir_info", {}).get("editable"):
-                found.append(unquote(urlsplit(told["url"]).path))
+            origin = json.loads(item.read_text("direct_url.json") or "{}")
+            if origin.get("dir_info", {}).get("editable"):
+                found.append(unquote(urlsplit(origin["url"]).path))
     return _prefixes(found)
 
 

@@ -1,4 +1,4 @@
-"""The hand instruments of a run: those of the register whose display a person reads, found before anything begins."""
+"""Hand instruments of a run: those of the register that a person reads, found before anything begins."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class HandInstrument:
     """An instrument that a person reads.
 
     Attributes:
-        spec: the instrument with the calibration of its entry; its name is the one in the register.
+        spec: the instrument with the calibration of its register entry, under its name in the register.
         label: what a person finds on it, such as `DMM-017, Keysight 34465A, serial MY1`.
     """
 
@@ -35,18 +35,18 @@ class HandInstrument:
 
 
 def hand_instruments(inputs: Inputs, fixtures: Path, bench: BenchSpec) -> Mapping[str, HandInstrument]:
-    """Return the instruments that `operator.measure(..., instrument="…")` names in plans and fixtures.
+    """Return the instruments named by `operator.measure(..., instrument="…")` in plans and fixtures.
 
-    They have to be known before the first step, because register and certificates are frozen then. So the name is a
-    text in the call, or a constant of its module.
+    They must be known before the first step, because register and certificates are frozen then. So the name is a
+    literal in the call, or a constant of its module.
 
     Args:
         inputs: the sources, and what is frozen.
         fixtures: the folder of the register and its certificates.
-        bench: the bench, whose instruments must have other names.
+        bench: the bench, whose instruments must have different names.
 
     Raises:
-        ConfigurationError: with every name that the register does not have, and every certificate that is not there.
+        ConfigurationError: with every name that is not in the register, and every missing certificate.
     """
     named = [each for path in inputs.below(inputs.root) for each in _named(path, inputs)]
     if not named:
@@ -71,12 +71,12 @@ class _Place:
 
 
 def _named(path: Path, inputs: Inputs) -> Iterator[tuple[_Place, str]]:
-    """Yield the instruments that a module names, with where it does."""
+    """Yield the instruments that a module names, each with its place."""
     data = inputs.snapshot.take(path)
     if f"{_ASKS}(".encode() not in data:
         return
     tree = None
-    with suppress(SyntaxError, ValueError):  # its import says so
+    with suppress(SyntaxError, ValueError):  # its import reports it
         tree = ast.parse(data)
     if tree is None:
         return
@@ -97,7 +97,7 @@ def _constants(body: Iterable[ast.stmt]) -> Iterator[tuple[str, str]]:
 
 
 def _is_asked(function: ast.expr) -> bool:
-    """Tell whether this is `operator.measure`, also of an operator that a fixture keeps."""
+    """Return whether this is `operator.measure`, including that of an operator kept by a fixture."""
     if not isinstance(function, ast.Attribute) or function.attr != _ASKS:
         return False
     who = function.value

@@ -1,4 +1,4 @@
-"""The head of a run: everything it is judged by, fixed before the first step."""
+"""Head of a run: everything by which it is judged, frozen before the first step."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ from hil.registers.instruments import INSTRUMENTS
 __all__ = ["DESELECTED", "ENDED_BEFORE", "LEFT_OUT", "Frozen", "PlannedCase", "freeze", "write_head"]
 
 DESELECTED = "deselected"
-"""Why a case was not run that plain pytest was not asked for."""
+"""Reason for a case that plain pytest was not asked to run."""
 
 LEFT_OUT = "left out by --only"
-"""Why a case was not run that is none of the only ones."""
+"""Reason for a case that is not among the only ones."""
 
 ENDED_BEFORE = "the run ended before this case"
-"""Why a case was not run that pytest did not come to."""
+"""Reason for a case that pytest did not reach."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,11 +50,11 @@ class PlannedCase:
         id: the pytest node id, relative to the workspace.
         title: the first line of its docstring.
         plan: its plan's name.
-        requirements: ids of its marker.
+        requirements: the ids in its marker.
         max_duration_s: bench time that it may take.
         repeatable: why an attempt that ended without a verdict may be repeated, empty if it counts.
         fixtures: the names of all fixtures that it needs, roles among them.
-        item: what pytest collected, for those who read its code.
+        item: what pytest collected, for checks of its code.
     """
 
     id: str
@@ -103,7 +103,7 @@ def write_head(configuration: Configuration, planned: Sequence[PlannedCase], fol
 
 
 def _run(configuration: Configuration, frozen: Frozen) -> events.Run:
-    """Return what the run is asked for."""
+    """Return the request for the run."""
     dut, twin, request = configuration.dut, configuration.bench.simulated, configuration.request
     return events.Run(
         format=1,
@@ -139,7 +139,7 @@ def _run(configuration: Configuration, frozen: Frozen) -> events.Run:
 
 
 def _live(configuration: Configuration) -> events.Live | None:
-    """Return the facts about a bench outside the run's process, and nothing about another."""
+    """Return the facts about a bench outside the run's process, None for any other."""
     reach = configuration.reach
     return events.Live(speed=reach.speed, served=reach.served is not None) if reach else None
 
@@ -150,11 +150,11 @@ _READABLE = "every file of plans, fixtures and bench must be readable"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Frozen:
-    """Hashes of what was frozen, for the journal's first lines.
+    """Hashes of the frozen files, for the journal's first lines.
 
     Attributes:
-        files: path in the package and SHA-256 of every file that equal runs have equal.
-        beside: the same of those that tell of this place and moment.
+        files: path in the package and SHA-256 of every file that is the same in equal runs.
+        beside: the same for files with facts of this place and moment.
     """
 
     catalogue: str
@@ -170,12 +170,12 @@ def freeze(configuration: Configuration, folder: Path) -> Frozen:
     """Write catalogue, parameters, sources, bench file and registers into the package, from the bytes that were read.
 
     Raises:
-        EvidenceError: if one of them cannot be read or written, or has a name that is not a text.
+        EvidenceError: if one of them cannot be read or written, or has a name that is not valid text.
     """
     try:
         return _freeze(configuration, folder)
     except OSError as error:
-        where = shown(str(error.filename or folder))  # a write to a full disk does not tell its file
+        where = shown(str(error.filename or folder))  # a write to a full disk does not name its file
         raise EvidenceError(f"{where}: cannot be frozen: {error.strerror}", _READABLE) from error
     except UnicodeEncodeError as error:
         raise EvidenceError(f"{shown(error.object)}: this name is no text", "rename the file") from error
@@ -225,7 +225,7 @@ def _bench(configuration: Configuration, folder: Path) -> str:
 
 
 def _registers(configuration: Configuration, folder: Path) -> None:
-    """Freeze the register of instruments with the certificates of those in use, where any of it is used."""
+    """Freeze the register of instruments with the certificates of those in use, if any of it is used."""
     fixtures, snapshot = configuration.workspace.fixtures, configuration.inputs.snapshot
     records = [item.calibration for item in _instruments(configuration)]
     used = {record.certificate for record in records if record and record.registered}
@@ -253,7 +253,7 @@ def _parameters(configuration: Configuration, folder: Path) -> str:
 
 
 def _place(configuration: Configuration) -> dict[str, object]:
-    """Return what is true of this place and moment only, and therefore in no journal body."""
+    """Return the facts of this place and moment only, which belong in no journal body."""
     try:
         user = getpass.getuser()
     except (KeyError, OSError):

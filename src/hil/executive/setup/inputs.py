@@ -1,4 +1,4 @@
-"""The files of the workspace that a run is made of: read once, frozen, and used from what was read."""
+"""Inputs of a run: files of the workspace that are read once, frozen, and used as they were read."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from hil.requirements.schema import REQUIREMENTS
 __all__ = ["PICTURE_ENDINGS", "CodeFromOutside", "Inputs", "SourceChanged", "SourceWritten"]
 
 PICTURE_ENDINGS = frozenset({".png", ".jpg", ".jpeg", ".PNG", ".JPG", ".JPEG"})
-"""The endings of the pictures of plans that questions may show."""
+"""File extensions of the pictures of plans that questions may show."""
 
 _OF_PLANS = frozenset({".py", ".yaml", ".json"}) | PICTURE_ENDINGS
 _SOURCES = "data/sources/"
@@ -27,11 +27,11 @@ _CATALOGUE_FILES = frozenset({REQUIREMENTS, LOCK, PARAMETERS})
 
 
 class SourceChanged(HilError, OSError):
-    """A file was opened whose content is no longer what was frozen."""
+    """A file was opened whose content has changed since it was frozen."""
 
 
 class SourceWritten(HilError, OSError):
-    """Code of a run would change the files that the run is judged by."""
+    """Code of a run would change the files by which the run is judged."""
 
 
 class CodeFromOutside(HilError, ImportError):
@@ -39,13 +39,13 @@ class CodeFromOutside(HilError, ImportError):
 
 
 class Inputs:
-    """What a run reads of its workspace.
+    """Everything that a run reads from its workspace.
 
-    Plans, fixtures, the bench's folder and the register are read when this is made, before any code of the workspace
+    Plans, fixtures, the bench's folder and the register are read when this is created, before any code of the workspace
     has run. Whatever else that code imports or opens is read when it first does.
 
     Args:
-        workspace: where all of it lies.
+        workspace: the workspace.
         plans: the folders of the run's plans.
         bench: the bench's name.
 
@@ -68,7 +68,7 @@ class Inputs:
         self.sources = tuple(sorted(dict.fromkeys(self._sources())))
         self.bench_files = tuple(sorted(path for path in (workspace.benches / bench).rglob("*") if path.is_file()))
         for path in (*self.sources, *self.bench_files, workspace.duts):
-            with suppress(OSError):  # whoever needs it says so
+            with suppress(OSError):  # whatever needs it reports it
                 self.snapshot.take(path)
 
     def _sources(self) -> Iterator[Path]:
@@ -86,20 +86,20 @@ class Inputs:
 
     @property
     def frozen(self) -> list[Path]:
-        """Sources, and what code has used of the workspace, sorted."""
+        """Sources, and everything that code has used from the workspace, sorted."""
         return sorted({*self.sources, *self.used, *self._again})
 
     def below(self, folder: Path, suffix: str = ".py") -> list[Path]:
-        """Return the sources in a folder and its folders."""
+        """Return the sources in a folder, recursively."""
         return [path for path in self.sources if path.suffix == suffix and path.is_relative_to(folder)]
 
     @property
     def reaches(self) -> tuple[str, ...]:
-        """What the code of sources, and of what was imported, reaches for beyond what cases are given."""
+        """What the code of sources and imported modules reaches for beyond what cases are given."""
         return tuple(sentence for path in self.frozen for sentence in self.reaches_of(path))
 
     def reaches_of(self, path: Path) -> tuple[str, ...]:
-        """Return what the code of a file reaches for, see `beyond`; of what is no module, nothing."""
+        """Return what the code of a file reaches for, see `beyond`; nothing if it is not a module."""
         if path.suffix != ".py" or path not in self.snapshot:
             return ()
         return beyond(self.snapshot.take(path), self.shown(path))
@@ -111,7 +111,7 @@ class Inputs:
         return tuple(text for path in modules for text in sleeps(self.snapshot.take(path), self.shown(path)))
 
     def stands(self, number: float) -> bool:
-        """Return whether a number stands in the source of a module that the run has frozen, for everybody to read."""
+        """Return whether a number appears in the source of a module frozen by the run, for everybody to read."""
         modules = (path for path in self.frozen if path.suffix == ".py" and path in self.snapshot)
         return any(abs(number) in numbers_in(self.snapshot.take(path)) for path in modules)
 
@@ -136,10 +136,10 @@ class Inputs:
         return data
 
     def opened(self, path: Path) -> None:
-        """Come before code reads a file of the workspace.
+        """Called before code reads a file of the workspace.
 
         Raises:
-            SourceChanged: if the disk no longer holds what was frozen.
+            SourceChanged: if the file on disk is no longer as frozen.
         """
         if path in self._own:
             return
@@ -147,7 +147,7 @@ class Inputs:
             try:
                 self.snapshot.take(path)
             except OSError:
-                return  # opening it says why
+                return  # opening it reports why
         elif not self.snapshot.is_as_on_disk(path):
             raise SourceChanged(
                 f"{self.shown(path)} changed on the disk after it was frozen, and code opens it again",
@@ -156,7 +156,7 @@ class Inputs:
         self._use(path)
 
     def written(self, path: Path) -> None:
-        """Come before code changes, moves or removes a file of the workspace.
+        """Called before code changes, moves or removes a file of the workspace.
 
         Raises:
             SourceWritten: if it is in the plans or the fixtures.
@@ -173,25 +173,25 @@ class Inputs:
         self._own.add(path)
 
     def use_again(self, names: Iterable[str]) -> None:
-        """Read what code used in an earlier part of the run, by the paths of the package."""
+        """Read the files that code used in an earlier part of the run, by their paths in the package."""
         within = (name.removeprefix(_SOURCES) for name in names if name.startswith(_SOURCES))
         for path in (self._workspace.root / name for name in within):
             if path not in self.sources:
-                with suppress(OSError):  # it is missing, and told as such
+                with suppress(OSError):  # a missing file is reported as such
                     self.snapshot.take(path)
                     self._again.add(path)
 
     def take_refused(self) -> list[HilError]:
-        """Return what was refused since the last call, whatever the code made of it."""
+        """Return what was refused since the last call, even if the code suppressed it."""
         found, self._refused = self._refused, []
         return found
 
     def listen(self, listener: Callable[[Path], None] | None) -> None:
-        """Tell of every further file that code uses, the first time it does."""
+        """Report every further file that code uses, the first time it does."""
         self._listener = listener
 
     def changed(self) -> Iterator[Path]:
-        """Yield every file that the run used and that is no longer the same on the disk, sorted."""
+        """Yield every file used by the run that has changed on disk, sorted."""
         fixtures = (path for path in self.snapshot if path.is_relative_to(self._workspace.fixtures))
         held = (path for path in {*self.frozen, *fixtures} - self._own if path in self.snapshot)
         yield from sorted(path for path in held if not self.snapshot.is_as_on_disk(path))

@@ -1,4 +1,4 @@
-"""Code in a run that is neither the product's nor the workspace's: of which package, and whether it was changed."""
+"""Third-party code in a run, neither the product's nor the workspace's: its package, and whether it was changed."""
 
 from __future__ import annotations
 
@@ -35,15 +35,15 @@ _VIRTUALENV = frozenset(
 
 
 _Owner = tuple[str, str]
-"""Which package a file is of, and its hash as the RECORD has it (PEP 376), empty where it has none."""
+"""The package that a file belongs to, and its hash in the RECORD (PEP 376), empty if it has none."""
 
 
 class OtherPackage:
-    """A package of somebody else that offers something the run uses.
+    """A third-party package that offers something the run uses.
 
     Args:
-        distribution: the package as it is installed.
-        points: what the run uses of it, by what it is.
+        distribution: the package as installed.
+        points: the entry points that the run uses, each with what it is.
     """
 
     def __init__(self, distribution: Distribution, points: Mapping[EntryPoint, str]) -> None:
@@ -52,12 +52,12 @@ class OtherPackage:
         self._points = points
         self._recorded = _recorded(distribution)
         self._root = Path(os.path.realpath(str(distribution.locate_file(""))))
-        self._told = _direct_url(distribution)
-        self._folder = _folder(self._told)
+        self._installed_from = _direct_url(distribution)
+        self._folder = _folder(self._installed_from)
 
     @property
     def facts(self) -> dict[str, object]:
-        """What `data/software.json` holds of it."""
+        """The entry of `data/software.json` about it."""
         files = {self._shown(path): digest_of(path) for path in self._files()}
         return {
             "name": self._distribution.name,
@@ -71,11 +71,11 @@ class OtherPackage:
         }
 
     def digests(self) -> dict[Path, str]:
-        """Return each of its files with its SHA-256 now."""
+        """Return each of its files with its present SHA-256."""
         return {path: digest_of(path) for path in self._files()}
 
     def sources(self) -> Iterator[tuple[str, bytes]]:
-        """Yield path in the package of evidence, and content, of each of its Python files."""
+        """Yield the path in the evidence package and the content of each of its Python files."""
         for path in self._files():
             if path.suffix == ".py":
                 yield f"data/packages/{self._distribution.name}/{self._shown(path)}", path.read_bytes()
@@ -83,15 +83,15 @@ class OtherPackage:
     def _origin(self) -> str:
         if self._folder is not None:
             return "folder"
-        if "vcs_info" in self._told:
+        if "vcs_info" in self._installed_from:
             return "version control"
-        return "archive" if self._told else "index"
+        return "archive" if self._installed_from else "index"
 
     def _commit(self) -> dict[str, object]:
-        """Return the commit that holds each of its files, with an empty id where there is none."""
-        told = self._told.get("vcs_info")
-        if isinstance(told, dict):
-            return {"id": str(told.get("commit_id", "")), "changed": False}
+        """Return the commit that holds all of its files, with an empty id if there is none."""
+        vcs = self._installed_from.get("vcs_info")
+        if isinstance(vcs, dict):
+            return {"id": str(vcs.get("commit_id", "")), "changed": False}
         if self._folder is None:
             return {"id": "", "changed": False}
         commit, changed = status(self._folder, "--untracked-files=all", "--", ".")
@@ -100,7 +100,7 @@ class OtherPackage:
         return {"id": commit, "changed": bool(commit) and (strange or bool(changed))}
 
     def _files(self) -> list[Path]:
-        """Return the files of its RECORD, and the modules that lie beside them in its folders of code."""
+        """Return the files in its RECORD, and the modules beside them in its code folders."""
         recorded = {path for path in map(Path, self._recorded) if not path.parent.name.endswith(".dist-info")}
         return sorted({path for path in recorded if path.exists()} | set(self._modules()))
 
@@ -109,14 +109,14 @@ class OtherPackage:
             yield from place.rglob("*.py") if place.is_dir() else [place]
 
     def _places(self) -> Iterator[Path]:
-        """Yield the folders of its code, and its modules outside of folders."""
+        """Yield its code folders, and its modules outside folders."""
         for top in {point.module.partition(".")[0] for point in self._points}:
             module = sys.modules.get(top)
             found = list(getattr(module, "__path__", ())) or [getattr(module, "__file__", None)]
             yield from (Path(os.path.realpath(each)) for each in found if each)
 
     def _differing(self) -> Iterator[str]:
-        """Yield the files that are not as they were installed, or came later; of one installed in place, none is."""
+        """Yield the files that were changed or added since installation; none for a package installed in place."""
         if not self._recorded or self._in_place:
             return
         for path in {*self._files(), *map(Path, self._recorded)}:
@@ -126,46 +126,46 @@ class OtherPackage:
 
     @property
     def _in_place(self) -> bool:
-        told = self._told.get("dir_info")
-        return isinstance(told, dict) and bool(told.get("editable"))
+        info = self._installed_from.get("dir_info")
+        return isinstance(info, dict) and bool(info.get("editable"))
 
     def _shown(self, path: Path) -> str:
-        """Return a path that tells nothing of this machine."""
+        """Return a path without anything about this machine."""
         roots = (self._root, *(place.parent for place in self._places()))
         return next((path.relative_to(root).as_posix() for root in roots if path.is_relative_to(root)), path.name)
 
 
 class Installed:
-    """What is installed, by file: whose it is, and what its RECORD says of it."""
+    """Installed files: the package of each, and its entry in the RECORD."""
 
     def has(self, file: str) -> bool:
-        """Return whether a file is recorded by a package, or of Python."""
+        """Return whether a file is recorded by a package, or belongs to Python."""
         return self._owner(file) is not None or self.is_python(file)
 
     def is_python(self, file: str) -> bool:
-        """Return whether a file is of Python itself."""
+        """Return whether a file belongs to Python itself."""
         return _is_python(file) or _is_python(os.path.realpath(file))
 
     def package_of(self, file: str) -> str:
-        """Return name and version of the package that records a file, empty for none."""
+        """Return name and version of the package that records a file, empty if none does."""
         owner = self._owner(file)
         return owner[0] if owner else ""
 
     def name_of(self, file: str) -> str:
-        """Return the name of that package in the spelling in which names are compared, empty for none."""
+        """Return the normalised name of that package, empty if none does."""
         return _plain(self.package_of(file))
 
     def recorded(self, file: str) -> str | None:
-        """Return the SHA-256 that a RECORD has of a file, empty where it has none; None if no package records it."""
+        """Return the SHA-256 of a file in its RECORD, empty if it has none; None if no package records it."""
         owner = self._owner(file)
         return _hexadecimal(owner[1]) if owner else None
 
     def is_in_place(self, path: Path) -> bool:
-        """Return whether a file lies in the folder of a package that was installed in place."""
+        """Return whether a file is in the folder of a package installed in place."""
         return self._folder(path) is not None
 
     def is_committed(self, path: Path, digest: str) -> bool:
-        """Return whether version control has a file of a package in place, as it is."""
+        """Return whether a file of a package in place is committed as it is."""
         folder = self._folder(path)
         if folder is None:
             return False
@@ -181,7 +181,7 @@ class Installed:
 
 
 def other_packages() -> tuple[OtherPackage, ...]:
-    """Return the packages of others that offer a driver, role, plant or the like that this process has loaded."""
+    """Return the third-party packages that offer a driver, role, plant or the like loaded by this process."""
     found: dict[str, tuple[Distribution, dict[EntryPoint, str]]] = {}
     for what, point in Offers.in_use():
         if point.dist is not None and (name := named(point.dist)[0]) != _PRODUCT:
@@ -190,10 +190,10 @@ def other_packages() -> tuple[OtherPackage, ...]:
 
 
 def at_start(modules: Mapping[str, object] = sys.modules) -> list[dict[str, object]]:
-    """Return what Python executed when it started, besides itself: lines of `.pth` files that import, and customising.
+    """Return what else Python executed at its start: import lines of `.pth` files, and customisation modules.
 
-    Each has the package that it is of, empty for none, whether it is as that package's RECORD says, and whether hil
-    needs that package; of a `.pth` file also the lines that Python executed.
+    Each has the package that it belongs to, empty if none, whether it is as in that package's RECORD, and whether hil
+    needs that package; a `.pth` file also the lines that Python executed.
     """
     if sys.flags.no_site:
         return []
@@ -207,9 +207,9 @@ def at_start(modules: Mapping[str, object] = sys.modules) -> list[dict[str, obje
 
 
 def of_no_package(workspace: Path, modules: Mapping[str, object] = sys.modules) -> list[str]:
-    """Return the loaded modules that are of no package, of neither Python nor the workspace, with their file's name."""
+    """Return the loaded modules that belong to no package, Python or the workspace, with their file's name."""
     inside = (f"{os.path.realpath(workspace)}{os.sep}", *(f"{each}{os.sep}" for each in _in_place()))
-    folders = cache(os.path.realpath)  # some hundred modules lie in some ten
+    folders = cache(os.path.realpath)  # some hundred modules are in some ten folders
     strays = []
     for name, module in sorted(modules.items()):
         file = getattr(module, "__file__", None)
@@ -224,7 +224,7 @@ def of_no_package(workspace: Path, modules: Mapping[str, object] = sys.modules) 
 
 
 def _found(module: str) -> str:
-    """Return the file of a customising module that Python has executed though nobody shows it, empty for none."""
+    """Return the file of a customisation module that Python has executed without listing it, empty if none."""
     if module == "usercustomize" and not site.ENABLE_USER_SITE:
         return ""
     spec = PathFinder.find_spec(module)
@@ -234,7 +234,7 @@ def _found(module: str) -> str:
 def _started(path: Path) -> dict[str, object]:
     (package, recorded), digest = _owners().get(str(path), ("", "")), digest_of(path)
     whole = bool(digest) and _hexadecimal(recorded) == digest
-    told = {
+    facts = {
         "file": f"{path.parent.name}/{path.name}",
         "sha256": digest,
         "of": package,
@@ -243,12 +243,12 @@ def _started(path: Path) -> dict[str, object]:
         "lines": [each[:_LONGEST] for each in _lines(path)] if path.suffix == ".pth" else [],
     }
     if digest in _VIRTUALENV and digest_of(path.with_name("_virtualenv.py")) in _VIRTUALENV:
-        return {**told, "of": "virtualenv", "whole": True, "needed": True}
-    return told
+        return {**facts, "of": "virtualenv", "whole": True, "needed": True}
+    return facts
 
 
 def _lines(path: Path) -> list[str]:
-    """Return the lines that Python executes of a `.pth` file, see the documentation of `site`."""
+    """Return the lines of a `.pth` file that Python executes, see the documentation of `site`."""
     try:
         text = path.read_text(encoding="utf-8-sig", errors="replace")
     except OSError:
@@ -258,7 +258,7 @@ def _lines(path: Path) -> list[str]:
 
 @cache
 def needed() -> frozenset[str]:
-    """Return the names of hil and of every package that it needs, as `Installed.name_of` gives them."""
+    """Return the names of hil and of all its dependencies, as returned by `Installed.name_of`."""
     found: set[str] = set()
     waiting = [_PRODUCT]
     while waiting:
@@ -281,7 +281,7 @@ def _plain(requirement: str) -> str:
 
 @cache
 def _owners() -> Mapping[str, _Owner]:
-    """Return every file that an installed package records; reading what they record takes some milliseconds."""
+    """Return every file that an installed package records; cached, as reading the RECORDs takes some milliseconds."""
     found = {}
     for each in metadata.distributions():
         package = " ".join(named(each))
@@ -291,7 +291,7 @@ def _owners() -> Mapping[str, _Owner]:
 
 @lru_cache(maxsize=256)
 def named(distribution: Distribution) -> tuple[str, str]:
-    """Return name and version of an installed package; to parse all of its metadata takes many times as long."""
+    """Return name and version of an installed package; parsing all of its metadata would take many times as long."""
     fields = dict(line.split(": ", 1) for line in _head(distribution) if line.startswith(("Name: ", "Version: ")))
     if len(fields) < 2:
         return distribution.name, distribution.version
@@ -299,20 +299,20 @@ def named(distribution: Distribution) -> tuple[str, str]:
 
 
 def _required(distribution: Distribution) -> list[str]:
-    """Return what an installed package needs, with its conditions."""
+    """Return the dependencies of an installed package, with their conditions."""
     head = _head(distribution)
-    if not head:  # of the older kind, which has a file of its own for that
+    if not head:  # of the older format, which has a file of its own for that
         return distribution.requires or []
     return [line.removeprefix("Requires-Dist: ") for line in head if line.startswith("Requires-Dist: ")]
 
 
 def _head(distribution: Distribution) -> list[str]:
-    """Return the lines of an installed package's metadata above its description."""
+    """Return the lines of an installed package's metadata before its description."""
     return (distribution.read_text("METADATA") or "").partition("\n\n")[0].splitlines()
 
 
 def _recorded(distribution: Distribution) -> dict[str, str]:
-    """Return the files that a package records, each with its hash as it stands there, empty where none does."""
+    """Return the files that a package records, each with its hash as recorded, empty if there is none."""
     root = os.path.realpath(str(distribution.locate_file("")))
     found = {}
     for line in (distribution.read_text("RECORD") or "").splitlines():
@@ -320,38 +320,38 @@ def _recorded(distribution: Distribution) -> dict[str, str]:
             continue
         parts = line.rsplit(",", 2)
         if len(parts) > 2 and (name := parts[0]):
-            plain = name[0] not in './"' and "/." not in name  # as nearly all of some thousand files
+            plain = name[0] not in './"' and "/." not in name  # true for nearly all of some thousand files
             path = f"{root}{os.sep}{name}" if plain else os.path.normpath(os.path.join(root, name.strip('"')))  # noqa: PTH118
             found[path] = parts[1]
     return found
 
 
 def _hexadecimal(recorded: str) -> str:
-    """Return a file's SHA-256 as digits from its hash in a RECORD, empty for one of another kind."""
+    """Return a file's SHA-256 in hexadecimal from its hash in a RECORD, empty for another kind of hash."""
     kind, _, digest = recorded.partition("=")
     return base64.urlsafe_b64decode(f"{digest}==").hex() if kind == "sha256" else ""
 
 
 @cache
 def _in_place() -> tuple[str, ...]:
-    """Return the folders of packages that were installed in place, whose files no RECORD has."""
-    told = (_direct_url(each) for each in metadata.distributions())
-    folders = (_folder(each) for each in told if isinstance(each.get("dir_info"), dict) and each["dir_info"])
+    """Return the folders of packages installed in place, whose files are in no RECORD."""
+    urls = (_direct_url(each) for each in metadata.distributions())
+    folders = (_folder(each) for each in urls if isinstance(each.get("dir_info"), dict) and each["dir_info"])
     return tuple(os.path.realpath(each) for each in folders if each is not None)
 
 
 def _direct_url(distribution: Distribution) -> dict[str, object]:
-    """Return where a package was installed from, see PEP 610; nothing for one from an index."""
+    """Return where a package was installed from, see PEP 610; empty for one from an index."""
     try:
-        told = json.loads(distribution.read_text("direct_url.json") or "{}")
+        origin = json.loads(distribution.read_text("direct_url.json") or "{}")
     except ValueError:
         return {}
-    return told if isinstance(told, dict) else {}
+    return origin if isinstance(origin, dict) else {}
 
 
-def _folder(told: Mapping[str, object]) -> Path | None:
+def _folder(origin: Mapping[str, object]) -> Path | None:
     """Return the folder that a package was installed from, None for one from elsewhere."""
-    return Path(os.path.realpath(unquote(urlsplit(str(told["url"])).path))) if "dir_info" in told else None
+    return Path(os.path.realpath(unquote(urlsplit(str(origin["url"])).path))) if "dir_info" in origin else None
 
 
 @cache
@@ -361,7 +361,7 @@ def _library() -> tuple[str, ...]:
 
 
 def _is_python(file: str) -> bool:
-    """Return whether a file is of Python itself, and not of what is installed beside it."""
+    """Return whether a file belongs to Python itself, and not to what is installed beside it."""
     return file.startswith(_library()) and not any(f"{os.sep}{each}{os.sep}" in file for each in _PACKAGES)
 
 

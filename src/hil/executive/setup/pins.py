@@ -1,4 +1,4 @@
-"""The environment in which numbers are computed, so that two computers find the same; it imports next to nothing."""
+"""Pinned environment for numerical reproducibility between computers; this module imports next to nothing."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ PINNED = {
     "OPENBLAS_NUM_THREADS": "1",
     "PYTHONHASHSEED": "0",
 }
-"""Variables of the environment; they have to be there before NumPy is imported."""
+"""Environment variables; they must be set before NumPy is imported."""
 
 
 def pinned_environment(warnings: Sequence[str] = sys.warnoptions) -> dict[str, str]:
     """Return this process' environment with the pins set, pytest's own variables removed.
 
     Args:
-        warnings: what this Python was told to do with warnings.
+        warnings: the warning options of this Python.
 
     Raises:
         Refused: for `python -W error` and PYTHONWARNINGS=error; a library that warns would end the run by it.
@@ -39,4 +39,4 @@ def pinned_environment(warnings: Sequence[str] = sys.warnoptions) -> dict[str, s
 
 
 _FATAL = frozenset("error"[:length] for length in range(1, 6))
-"""What makes errors of warnings; Python takes the first letters of the word for the whole."""
+"""Options that turn warnings into errors; Python accepts abbreviations of the word."""

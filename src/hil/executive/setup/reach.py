@@ -1,4 +1,4 @@
-"""What code of the workspace reaches for beyond what cases are given, as its source shows it."""
+"""Static check of what a workspace's code reaches for beyond what cases are given."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from functools import lru_cache
 __all__ = ["beyond", "numbers_in", "parsed", "sleeps"]
 
 _FOR_PLANS = ("hil.analysis", "hil.logs", "hil.model.errors", "hil.model.figure", "hil.plan")
-"""What cases and fixtures may import of the product; the rest measures, judges and records them."""
+"""What cases and fixtures may import from the product; the rest measures, judges and records them."""
 
 _MODULES = frozenset(
     {
@@ -21,7 +21,7 @@ _MODULES = frozenset(
         *("atexit", "builtins", "code", "codeop", "ctypes", "gc", "importlib", "runpy"),
     }
 )
-"""With these, code changes what it was not given, or runs what its source does not show."""
+"""Modules by which code can change what it was not given, or run what its source does not show."""
 
 _NAMES = frozenset({"__builtins__", "__import__", "compile", "delattr", "eval", "exec", "globals", "setattr", "vars"})
 _ATTRIBUTES = frozenset({"MonkeyPatch", "_getframe", "addaudithook", "meta_path", "modules", "path_hooks"})
@@ -32,7 +32,7 @@ _TRACING = frozenset({"provenance", "stamped", "traced", "with_provenance", "wit
 
 @lru_cache(maxsize=64)
 def parsed(source: bytes) -> ast.Module:
-    """Return the tree of a file, which several checks walk through.
+    """Return the syntax tree of a file, which several checks walk.
 
     Raises:
         SyntaxError: if it is not Python.
@@ -51,7 +51,7 @@ def sleeps(source: bytes, shown: str) -> tuple[str, ...]:
     """Return every call of `time.sleep` in the source of a module, a sentence each, by line.
 
     Args:
-        source: of the module; nothing is found where it is not Python.
+        source: of the module; nothing is found if it is not Python.
         shown: its path, as people see it.
     """
     try:
@@ -69,7 +69,7 @@ _SLEPT = "in which a simulated bench stands still and no limit is watched: use c
 
 
 def _names_of_sleep(node: ast.AST) -> Iterator[str]:
-    """Yield what an import makes of `time.sleep`."""
+    """Yield the names under which an import binds `time.sleep`."""
     if isinstance(node, ast.Import):
         yield from (f"{alias.asname or alias.name}.sleep" for alias in node.names if alias.name == "time")
     elif isinstance(node, ast.ImportFrom) and node.module == "time":
@@ -78,10 +78,10 @@ def _names_of_sleep(node: ast.AST) -> Iterator[str]:
 
 @lru_cache(maxsize=64)
 def beyond(source: bytes, shown: str) -> tuple[str, ...]:
-    """Return what the source of a module reaches for, a sentence each, by line; nothing where it is not Python.
+    """Return what the source of a module reaches for, a sentence each, by line; nothing if it is not Python.
 
-    A case that does so may be honest. But its source no longer shows plainly what was measured, so that nobody can
-    judge from the package what a value is worth.
+    A case that does so may be honest. But its source no longer shows plainly what was measured, so that the worth of a
+    value cannot be judged from the package.
 
     Args:
         source: of the module.
@@ -98,7 +98,7 @@ def beyond(source: bytes, shown: str) -> tuple[str, ...]:
 
 
 def _of_node(node: ast.AST) -> Iterator[tuple[int, str]]:
-    """Yield the line and what is reached for there."""
+    """Yield each line with what is reached for there."""
     if isinstance(node, ast.Import):
         yield from ((node.lineno, f"imports {each.name}") for each in node.names if not _allowed(each.name))
     elif isinstance(node, ast.ImportFrom) and not node.level:
@@ -117,7 +117,7 @@ def _of_node(node: ast.AST) -> Iterator[tuple[int, str]]:
 
 
 def _imported(nodes: tuple[ast.AST, ...]) -> frozenset[str]:
-    """Return the names of modules and what is in them: as imports bind them, and as they were bound to again."""
+    """Return the names of modules and their contents: as bound by imports, and as rebound later."""
     found = {
         alias.asname or alias.name.partition(".")[0]
         for node in nodes
@@ -138,14 +138,14 @@ def _imported(nodes: tuple[ast.AST, ...]) -> frozenset[str]:
 
 
 def _root(node: ast.expr) -> str:
-    """Return the name that a chain of attributes begins with, empty where it begins with something else."""
+    """Return the name at the beginning of a chain of attributes, empty if it begins with something else."""
     while isinstance(node, ast.Attribute):
         node = node.value
     return node.id if isinstance(node, ast.Name) else ""
 
 
 def _replaced_by(node: ast.AST, imported: frozenset[str]) -> Iterator[tuple[int, str]]:
-    """Yield the line and what is replaced there of a module, or of a class in one."""
+    """Yield each line with what is replaced there in a module, or in a class of one."""
     if not isinstance(node, ast.Attribute) or isinstance(node.ctx, ast.Load):
         return
     given = node.value
@@ -155,7 +155,7 @@ def _replaced_by(node: ast.AST, imported: frozenset[str]) -> Iterator[tuple[int,
 
 
 def _allowed(name: str) -> bool:
-    """Return whether a case may import this module, or this name of a module."""
+    """Return whether a case may import this module, or this name from a module."""
     parts = name.split(".")
     heads = {".".join(parts[:length]) for length in range(1, len(parts) + 1)}
     if parts[0] == "hil":
@@ -164,12 +164,12 @@ def _allowed(name: str) -> bool:
 
 
 def _traces(name: str) -> bool:
-    """Return whether this is what gives a value its origin, by whatever module of the product it is imported."""
+    """Return whether this gives a value its provenance, from whatever module of the product it is imported."""
     return name.startswith("hil.") and (name.startswith("hil.analysis.tracing.") or name.rpartition(".")[2] in _TRACING)
 
 
 def _hidden(node: ast.Attribute) -> bool:
-    """Return whether an attribute is none of those that whoever wrote an object meant for others."""
+    """Return whether an attribute is private to its object."""
     if node.attr in _ATTRIBUTES:
         return isinstance(node.value, ast.Name) and node.value.id in {"sys", "pytest"}
     if node.attr in _TRACING:
@@ -190,9 +190,9 @@ _OPERATIONS: Mapping[type, Callable[[float, float], float]] = {
 
 @lru_cache(maxsize=64)
 def numbers_in(source: bytes) -> frozenset[float]:
-    """Return the size of every number that stands in a module's source, also as `1 / 3.6`, `np.pi / 180` or a name.
+    """Return the magnitude of every number in a module's source, including `1 / 3.6`, `np.pi / 180` or a name.
 
-    A name counts where the module sets it to such a number; of what is no Python nothing does.
+    A name counts if the module sets it to such a number; a source that is not Python has none.
     """
     try:
         tree = parsed(source)
@@ -209,7 +209,7 @@ def numbers_in(source: bytes) -> frozenset[float]:
 
 
 def _folded(node: ast.expr, names: Mapping[str, float]) -> float | None:
-    """Return the number that an expression of nothing but numbers is, None for any other."""
+    """Return the value of an expression of numbers only, None for any other."""
     if isinstance(node, ast.Constant) and isinstance(node.value, int | float):
         return float(node.value) if abs(node.value) < sys.float_info.max else None
     if isinstance(node, ast.Name):

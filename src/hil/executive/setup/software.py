@@ -1,4 +1,4 @@
-"""What software made a run: product, workspace, packages, and the environment in which numbers are computed."""
+"""Software identity of a run: product, workspace, packages, and the numerical environment."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ __all__ = [
 ]
 
 _BUILT = "built.json"
-"""What the wheel has beside the product's modules: the commit of its source, and whether it differed."""
+"""File in the wheel beside the product's modules: the commit of its source, and whether that differed."""
 _FLAGS = ("optimize", "dev_mode", "ignore_environment", "isolated", "no_site", "no_user_site", "safe_path")
-"""Flags of the interpreter that are frozen; with the first one it leaves assertions out."""
+"""Interpreter flags that are frozen; the first one removes assertions."""
 
 
 _CHANGING = frozenset(
@@ -47,15 +47,15 @@ _CHANGING = frozenset(
         "PYTHONUSERBASE",
     }
 )
-"""Variables by which Python, or the C library, executes other code than what is installed."""
+"""Variables that make Python, or the C library, execute code other than what is installed."""
 _OF_LOADER = ("LD_", "DYLD_")
-"""Variables of the dynamic linker begin so (`man ld.so`): LD_PRELOAD, LD_AUDIT, LD_LIBRARY_PATH."""
+"""Prefixes of the dynamic linker's variables (`man ld.so`): LD_PRELOAD, LD_AUDIT, LD_LIBRARY_PATH."""
 _BEGAN = Path("/proc/self/environ")
 _LOADS = Path("/etc/ld.so.preload")
 
 
 def require_assertions(optimize: int = sys.flags.optimize) -> None:
-    """Refuse an interpreter that leaves assertions out: what a plan or a fixture asserts would not be looked at.
+    """Refuse an interpreter that removes assertions: those of plans and fixtures would not be checked.
 
     Raises:
         Refused: for `python -O` and PYTHONOPTIMIZE.
@@ -68,7 +68,7 @@ def require_assertions(optimize: int = sys.flags.optimize) -> None:
 
 
 def customised(modules: Mapping[str, object] = sys.modules) -> tuple[str, ...]:
-    """Return which code ran before the product that no package holds, and that is no part of this Python."""
+    """Return the code that ran before the product and belongs neither to a package nor to this Python."""
     found = ((name, getattr(modules.get(name), "__file__", None)) for name in ("sitecustomize", "usercustomize"))
     inside = (f"{sys.prefix}{os.sep}", f"{sys.base_prefix}{os.sep}")
     return tuple(
@@ -79,12 +79,12 @@ def customised(modules: Mapping[str, object] = sys.modules) -> tuple[str, ...]:
 
 
 def changing(environment: Mapping[str, str] = os.environ, began: Path = _BEGAN, loads: Path = _LOADS) -> list[str]:
-    """Return what changes which code an interpreter or its libraries execute: variables, and the file of the loader.
+    """Return what changes which code an interpreter or its libraries execute: variables, and the loader's file.
 
     Args:
-        environment: the variables of now.
-        began: holds those with which this process began, which code that ran before hil may have taken out.
-        loads: names libraries that the system loads into every process.
+        environment: the present variables.
+        began: holds those with which this process began, which code before hil may have removed.
+        loads: lists libraries that the system loads into every process.
     """
     names = set(environment) | {
         each.partition(b"=")[0].decode(errors="replace") for each in _content(began).split(b"\0")
@@ -106,7 +106,7 @@ def version() -> str:
 
 
 def software_identity(workspace: Path) -> dict[str, object]:
-    """Return what is frozen as `data/software.json`; the workspace's difference to its commit is kept whole."""
+    """Return what is frozen as `data/software.json`; the workspace's diff to its commit is kept in full."""
     from hil.executive.setup.other_code import at_start, of_no_package, other_packages  # noqa: PLC0415 - in runs only
 
     return {
@@ -127,7 +127,7 @@ def software_identity(workspace: Path) -> dict[str, object]:
     }
 
 
-@cache  # a process does not outlive its packages, and reading what they say of themselves takes long
+@cache  # a process does not outlive its packages, and reading their metadata is slow
 def _packages() -> tuple[tuple[str, str], ...]:
     from hil.executive.setup.other_code import named  # noqa: PLC0415 - in runs only
 
@@ -141,15 +141,15 @@ def _workspace(folder: Path) -> dict[str, object]:
 
 
 def product_source() -> dict[str, object]:
-    """Return the commit of the product's source as it is now, and the files that differ from it."""
+    """Return the present commit of the product's source, and the files that differ from it."""
     return _source(Path(hil.__file__).parent)
 
 
 def _source(package: Path) -> dict[str, object]:
     """Return the commit of the product's own source, and the files that differ from it, by their SHA-256.
 
-    What else lies in its checkout cannot change a run: plans and fixtures have digests of their own. A package that was
-    installed into somebody's checkout is not part of it; it has the commit that its wheel names.
+    Anything else in its checkout cannot change a run: plans and fixtures have digests of their own. A package installed
+    into somebody's checkout is not part of it; its commit is the one named by its wheel.
     """
     if not git(package, "ls-files", "--", "__init__.py"):
         return _installed(package)
@@ -161,7 +161,7 @@ def _source(package: Path) -> dict[str, object]:
 def _installed(package: Path) -> dict[str, object]:
     """Return the commit from which an installed package was built, and the files that differ from its RECORD.
 
-    A wheel names every file by its SHA-256 (PEP 376, PEP 427), and in `built.json` the commit of its source.
+    A wheel records the SHA-256 of every file (PEP 376, PEP 427), and in `built.json` the commit of its source.
     """
     found: dict[str, object] = {"id": "", "changed": False, "files": {}}
     try:

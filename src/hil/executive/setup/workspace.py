@@ -1,4 +1,4 @@
-"""The workspace: where a team's testplans, fixtures and reports are."""
+"""The workspace: the folder of a team's testplans, fixtures and reports."""
 
 from __future__ import annotations
 
@@ -50,19 +50,19 @@ _Line = Annotated[str, matching("[0-9a-f]{64}", "a SHA-256: 64 digits of 0-9 and
 
 
 _NAMES = frozenset({"name", "testplans", "fixtures", "reports"})
-"""The settings that are names of files."""
+"""The settings that are file names."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Hardware:
-    """What concerns benches of hardware only."""
+    """Settings for hardware benches only."""
 
     inhibitor: _Command = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Settings:
-    """`hil.toml`, or `[tool.hil]` of a `pyproject.toml`."""
+    """The settings in `hil.toml`, or in `[tool.hil]` of a `pyproject.toml`."""
 
     name: _FileName = ""
     testplans: _FileName = "testplans"
@@ -75,17 +75,17 @@ class _Settings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Workspace:
-    """A workspace's folders, absolute, and the commands that work for its runs.
+    """A workspace: its folders, absolute, and the commands for its runs.
 
     Attributes:
         root: its folder.
-        name: as people call it.
+        name: its name for people.
         testplans: holds a folder per plan.
         fixtures: holds fixture modules and benches.
         reports: where packages go.
-        ledger: SHA-256 of the first line of the ledger there; empty where any ledger will do.
+        ledger: SHA-256 of the first line of the ledger there; empty if any ledger will do.
         notify: notifies people of what happens to runs; program and arguments.
-        inhibitor: holds off sleep and shutdown in the place of logind; program and arguments.
+        inhibitor: inhibits sleep and shutdown in place of logind; program and arguments.
     """
 
     root: Path
@@ -117,7 +117,7 @@ class Workspace:
         return self.fixtures / INSTRUMENTS
 
     def shown(self, path: Path) -> str:
-        """Return a path as people see it: relative to the workspace where it is inside."""
+        """Return a path as people see it: relative to the workspace if it is inside."""
         return str(path.relative_to(self.root)) if path.is_relative_to(self.root) else str(path)
 
     def plan(self, asked: str, start: Path) -> Path:
@@ -141,17 +141,17 @@ class Workspace:
 
 
 def find_workspace(start: Path, findings: Findings | None = None, named: Sequence[Path] = ()) -> Workspace:
-    """Return the nearest workspace upwards from `start`, or else from the first folder that was named.
+    """Return the nearest workspace upwards from `start`, otherwise from the first named folder.
 
     Args:
         start: the folder where the search begins.
-        findings: where what is wrong with its settings is noted, for those who look for other mistakes too; what
-            cannot be used is as usual then.
-        named: folders that a command was given, such as those of plans.
+        findings: collects what is wrong with its settings, for callers that look for other mistakes, too; unusable
+            settings then have their defaults.
+        named: folders given to a command, such as those of plans.
 
     Raises:
         Refused: if there is none.
-        ConfigurationError: if its settings are wrong, and there are no findings to note it in.
+        ConfigurationError: if its settings are wrong, and no `findings` are given.
     """
     noted = Findings() if findings is None else findings
     for folder in (above for each in (start, *named) for above in (each, *each.parents)):
@@ -168,7 +168,7 @@ def find_workspace(start: Path, findings: Findings | None = None, named: Sequenc
 
 
 def _settings(folder: Path, findings: Findings) -> tuple[dict[str, Any], _Toml, Keys] | None:
-    """Return a workspace's settings, their file, and the table of it in which they stand; None if it is none."""
+    """Return a workspace's settings, their file, and their table in it; None if it is not a workspace."""
     own, project = folder / "hil.toml", folder / "pyproject.toml"
     if own.exists():
         file = _Toml(own, findings)
@@ -181,12 +181,12 @@ def _settings(folder: Path, findings: Findings) -> tuple[dict[str, Any], _Toml, 
             if not isinstance(settings, dict):
                 file.wrong(_TABLE, "'tool.hil' must be a table")
             return settings if isinstance(settings, dict) else {}, file, _TABLE
-        findings.raise_if_any()  # whether it is a workspace is not known
+        findings.raise_if_any()  # it is unknown whether it is a workspace
     return None
 
 
 class _Toml:
-    """A file of settings; what is wrong with it is noted at its line and column."""
+    """A settings file; errors are noted with line and column."""
 
     def __init__(self, file: Path, findings: Findings) -> None:
         self._name = file.name
@@ -195,7 +195,7 @@ class _Toml:
         self._text = (None if data is None else decoded(data, file.name, findings)) or ""
 
     def read(self) -> dict[str, Any]:
-        """Return what the file says, nothing where it is not TOML."""
+        """Return the content of the file, empty if it is not TOML."""
         try:
             return tomllib.loads(self._text)
         except tomllib.TOMLDecodeError as error:
@@ -211,7 +211,7 @@ class _Toml:
         return {}
 
     def wrong(self, keys: Keys, message: str) -> None:
-        """Note what is wrong at the line that gives the value of these keys, or of the nearest table above."""
+        """Note an error at the line of the value of these keys, or of the nearest table above."""
         places = _places(self._text)
         nearest = next((keys[:length] for length in range(len(keys), 0, -1) if keys[:length] in places), ())
         self._note(*places.get(nearest, (0, 0)), message)
@@ -230,14 +230,14 @@ def _workspace(root: Path, settings: dict[str, Any], file: _Toml, table: Keys, f
             file.wrong((*table, key), f"'{key}' is {folder}, and must lie in the workspace, {root}: {_PACKED}")
             outside = True
     if outside:
-        findings.raise_if_any()  # no file in it could be shown by its path in the workspace
+        findings.raise_if_any()  # otherwise no file in it could be shown by its path in the workspace
     name, inhibitor = found.name or root.name, found.hardware.inhibitor
     return Workspace(root=root, name=name, ledger=found.ledger, notify=found.notify, inhibitor=inhibitor, **folders)
 
 
 def _declared(settings: dict[str, Any], file: _Toml, table: Keys) -> _Settings:
     with suppress(Complaint):
-        if settings.keys() <= _NAMES:  # most workspaces: every command reads this, and none has to wait for the reader
+        if settings.keys() <= _NAMES:  # most workspaces: every command reads this, and need not load the reader
             names: dict[str, Any] = {key: _file_name(value) for key, value in settings.items()}
             return _Settings(**names)
     from hil.documents.declared import Invalid, validated  # noqa: PLC0415 - see above
@@ -251,7 +251,7 @@ def _declared(settings: dict[str, Any], file: _Toml, table: Keys) -> _Settings:
 
 
 def _places(text: str) -> dict[Keys, tuple[int, int]]:
-    """Return line and column of every table and key of a TOML document, as far as lines tell."""
+    """Return line and column of every table and key of a TOML document, as far as lines show it."""
     table: Keys = ()
     places: dict[Keys, tuple[int, int]] = {}
     for number, line in enumerate(text.splitlines(), 1):

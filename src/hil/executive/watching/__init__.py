@@ -1,1 +1,1 @@
-"""Watching the bench: scheduling points, monitors, holds, the outputs, and the machine that drives it."""
+"""Watching the bench: scheduling points, monitors, holds, the outputs, and the host machine."""

@@ -1,4 +1,4 @@
-"""The one door to a bench that is driven: nothing is energised unguarded, nothing after a stop, and all ends safe."""
+"""Arming: the one way to drive a bench, with nothing energised unguarded or after a stop, and a safe end."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from hil.model.identity import Dut
 __all__ = ["FIRST_ARMING", "ArmedBench", "Course", "Passed"]
 
 FIRST_ARMING = -1
-"""Stands for the first arming of a run; every other one is known by the `void_to` of the entry at which it is done."""
+"""Identifies the first arming of a run; every other one is identified by the `void_to` of its entry."""
 
 Passed = Callable[[Gate, bool], None]
-"""Takes a gate that is new, and whether it is one of people and machine."""
+"""Takes a new gate, and whether it is one of people or machine."""
 
 _LOOKED_AFTER = "bench looked after"
 
 
 class Course(Freshness, Protocol):
-    """How time passes for whoever drives the bench."""
+    """Passage of time for whoever drives the bench."""
 
     @property
     def timeline(self) -> Timeline:
@@ -41,19 +41,20 @@ class Course(Freshness, Protocol):
 
 
 class ArmedBench:
-    """A bench as runs and visits drive it; nothing else energises an output.
+    """A bench as driven by runs and visits; nothing else energises an output.
 
-    It is looked at first. Then people and machine are ready, and the guardian watches a bench outside this process.
-    Only then an output is tried, one at a time. Once somebody asked to stop, or guardian, port or wakefulness was lost,
-    no byte leaves but those that make the bench safe. Whoever arms it leaves it by `make_safe`, `let_go` and `latch`.
+    First it is checked without driving it. Then people and machine must be ready, and the guardian watches a bench
+    outside this process. Only then are outputs tried, one at a time. Once a stop was requested, or the guardian, a
+    port or the sleep inhibitor was lost, no bytes are sent except those that make the bench safe. Whoever arms it
+    leaves it by `make_safe`, `let_go` and `latch`.
 
     Args:
         bench: the bench.
-        dut: the device under test, compared with what answers; None where nobody said which one it is.
+        dut: the device under test, compared with what answers; None if it was not specified.
         flags: stop requests; they wait while the bench is made safe.
         machine: drives the bench, and guards it.
-        thorough: whether everything is looked at, although something is wrong already.
-        room: yields at the first arming of a run whether there is room for what it records.
+        thorough: whether all checks are done even after one has failed.
+        room: yields, at the first arming of a run, whether there is room for its recordings.
 
     Attributes:
         touched: whether anything may have been driven.
@@ -81,10 +82,10 @@ class ArmedBench:
         self._lost: Distress | None = None
 
     def arm(self, arming: int, course: Course, passed: Passed) -> str:
-        """Pass the gates one by one; return the first that does not hold, nothing if all do.
+        """Pass the gates one by one; return the first that does not hold, empty if all do.
 
         Args:
-            arming: which arming of the run it is, for those that are in its record.
+            arming: identifies the arming, for those in the run's record.
             course: how time passes.
             passed: called with every gate.
         """
@@ -107,7 +108,7 @@ class ArmedBench:
         return refusal
 
     def _why_not(self) -> object:
-        """Return why no byte is to leave any more; what was lost during a gate does not wait for the gate's end."""
+        """Return why no more bytes may be sent; a loss during a gate takes effect before the gate's end."""
         if self._flags.reason:
             return self._flags.reason
         if self.touched and self._lost is None and (found := self._machine.distress()) and found.what:
@@ -119,7 +120,7 @@ class ArmedBench:
         return unpowered_gates(self._bench, self._dut)
 
     def _gates(self, arming: int, course: Course) -> Iterator[tuple[Gate, bool, bool]]:
-        """Yield the gates, each with whether it is of people and machine, and whether it is new."""
+        """Yield the gates, each with whether it is one of people or machine, and whether it is new."""
         ready = True
         for gate in self.look():
             yield gate, False, True
@@ -142,16 +143,16 @@ class ArmedBench:
                 yield _unattended(distress), False, True
 
     def switch_off(self) -> None:
-        """Send every output its command to be safe, whatever is asked meanwhile; each is proven by `make_safe`."""
+        """Send every output its safe command, regardless of requests meanwhile; `make_safe` proves each."""
         if self.touched:
             with self._flags.shielded():
                 self._machine.switch_off()
 
     def make_safe(self, tell: Callable[[SafeResult], None]) -> list[str]:
-        """Take every line of the safe-off, whatever is asked meanwhile; return what is not proven safe.
+        """Execute every line of the safe-off, regardless of requests meanwhile; return what is not proven safe.
 
-        A line that was proven after its time is not what it has to be on a bench that was armed. Where the arming was
-        refused it is told, and its output is safe: a bench too slow for its lines is one reason to refuse it.
+        On a bench that was armed, a line proven after its time limit is not safe. If the arming was refused, it
+        is reported, but counts as safe: a bench too slow for its lines is one reason to refuse it.
         """
         with self._flags.shielded():
             problems = left_on(self._bench.spec.safe_off, self._bench, tell, forgive_late=self._refused)
@@ -159,10 +160,10 @@ class ArmedBench:
         return problems
 
     def let_go(self, *, lost: bool = False) -> list[str]:
-        """Let the guardian prove every output itself, and go; return what it does not find safe.
+        """Have the guardian prove every output itself, and release it; return what it does not find safe.
 
         Args:
-            lost: whether the bench could not be driven any more; what the guardian proves safe after that is.
+            lost: whether the bench could no longer be driven; what the guardian then proves safe counts as safe.
         """
         problems = self._machine.end(proven=self.touched and not self.unsafe)
         if lost and self._machine.proven:

@@ -1,4 +1,4 @@
-"""Looking after bench and case while a case's own code runs, which nobody but the case can foresee."""
+"""Attending to bench and case while a case's own code runs, whose duration is unpredictable."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ _EXPECT_S = 1.0
 
 
 class Attendant:
-    """Looks after a bench outside this process while a case's own code runs, unless a record stands in for it.
+    """Attends to a bench outside this process while a case's own code runs, unless a record stands in for it.
 
     Args:
         bench: the bench.
-        machine: lets the guardian hear of the run.
+        machine: sends the guardian its heartbeat.
         clock: the bench's clock.
-        scheduler: gives monitors and turns their time.
+        scheduler: runs monitors and turns.
         holding: knows what the case has driven.
     """
 
@@ -39,15 +39,15 @@ class Attendant:
         self._longest_s = bench.spec.head.longest_computation_s
 
     def between(self) -> None:
-        """Let the guardian hear of the run."""
+        """Send the guardian a heartbeat."""
         self._machine.between()
 
     def attend(self, alone_s: float, silent_s: float) -> None:
-        """Look after the bench where the case's own code may be disturbed.
+        """Attend to the bench where the case's own code may be interrupted.
 
         Args:
-            alone_s: for how long that ran since the last look; one that came in time was `LOOK_S` after it.
-            silent_s: for how long it came to no scheduling point.
+            alone_s: how long the code ran since it was last attended to; `LOOK_S` if this one is on time.
+            silent_s: how long it has passed no scheduling point.
         """
         if not self._clock.began:
             return
@@ -61,14 +61,14 @@ class Attendant:
 
 
 class Lookout:
-    """Looks after a case on a bench of this process, whose time stands still while the case's own code runs.
+    """Watches a case on a bench in this process, whose time stands still while the case's own code runs.
 
     Args:
         bench: the bench, or the record of one outside the process.
         scheduler: ends the case in time.
         holding: knows what the case has driven.
-        expect: is told within how many seconds this is called again, if anything but a call into C runs; None where
-            no case does.
+        expect: starts a timeout within which the next call must come, unless a call into C blocks; None if no case
+            runs.
     """
 
     def __init__(
@@ -82,20 +82,20 @@ class Lookout:
         self._signs = scheduler.now_ns(), scheduler.stood_since
 
     def between(self) -> None:
-        """Say that the case can still be ended from here, if it let bench time pass or a person wait meanwhile."""
+        """Restart the timeout, if the case has let bench time pass or waited for a person meanwhile."""
         signs = self._scheduler.now_ns(), self._scheduler.stood_since
         if signs != self._signs:
             self._signs = signs
-            self._go_on()
+            self._restart_timeout()
 
     def attend(self, _alone_s: float, silent_s: float) -> None:
-        """Look after the case, whose own code came to no scheduling point for so many seconds."""
-        self._go_on()
+        """Check on the case, whose own code has passed no scheduling point for this many seconds."""
+        self._restart_timeout()
         if silent_s > self._longest_s and self._holding.drives():
             self._scheduler.overrun(_silent(silent_s, self._longest_s))
         self._scheduler.look()
 
-    def _go_on(self) -> None:
+    def _restart_timeout(self) -> None:
         now = wall.monotonic()
         if now - self._expected >= _EXPECT_S:
             self._expected = now

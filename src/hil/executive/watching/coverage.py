@@ -1,4 +1,4 @@
-"""What the guardian covers of a bench: every output that can do harm, by its own bytes or by what cuts it off."""
+"""Coverage by the guardian: every output that can do harm, by its own bytes or by what cuts it off."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ _JOURNAL = "data/guardian.jsonl"
 
 
 def plan_of(bench: BoundBench, folder: Path, leases: Sequence[str]) -> GuardPlan:
-    """Return what the guardian of a run on this bench knows.
+    """Return the plan of the guardian of a run on this bench.
 
-    Every output that can do harm by its role, and every line of the safe-off, is in it: with the bytes that its driver
-    gives, or as one that is cut off by another output. A line of what does no harm by its role, such as a sensor that
-    is put to sleep, is the run's alone where the driver gives no bytes.
+    It contains every output that can do harm by its role, and every line of the safe-off: with the bytes from its
+    driver, or as cut off by another output. A line for a harmless role, such as a sensor that is put to sleep, is left
+    to the run alone if the driver provides no bytes.
 
     Raises:
         Refused: if the guardian could not make an output safe; all of them are named.
@@ -63,7 +63,7 @@ def plan_of(bench: BoundBench, folder: Path, leases: Sequence[str]) -> GuardPlan
 
 
 def harmless(spec: BenchSpec, guarded: Collection[str]) -> tuple[str, ...]:
-    """Return what drives something, and is not guarded because its role says that it does no harm, such as a sensor.
+    """Return the driven outputs that are not guarded because their role is harmless, such as sensors.
 
     Args:
         spec: the bench.
@@ -75,7 +75,7 @@ def harmless(spec: BenchSpec, guarded: Collection[str]) -> tuple[str, ...]:
 
 
 def _does_no_harm(wire: Wire) -> bool:
-    """Return whether a role is known that says so: of an unknown one nobody knows."""
+    """Return whether the role is known to be harmless; an unknown one is not."""
     return ROLES.find(wire.role) is not None and not can_harm(wire)
 
 
@@ -85,7 +85,7 @@ def _drives(name: str) -> bool:
 
 
 def _guarded(bench: BoundBench, step: SafeStep) -> GuardedOutput | str:
-    """Return an output with its bytes, or why there are none."""
+    """Return a guarded output with its bytes, or why there are none."""
     role, device = bench.roles[step.output], bench.spec.wire(step.output).instrument
     if not isinstance(role, SafeByBytes):
         return "gives no safe_bytes"
@@ -133,7 +133,7 @@ def _uncovered(bench: BoundBench, cut: Sequence[CutOutput]) -> Iterator[str]:
 
 
 def _port(bench: BoundBench, instrument: InstrumentSpec) -> GuardedPort:
-    """Return how the guardian may open a port again: not one that resets its device."""
+    """Return how the guardian may reopen a port: not one that resets its device."""
     if bench.source is Source.HARDWARE and is_wrapped(instrument):
         return hosted_port(instrument, bench.where[instrument.name])
     resets = getattr(bench.drivers[instrument.name], "resets_on_open", False)

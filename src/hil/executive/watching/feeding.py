@@ -1,4 +1,4 @@
-"""Limits of the envelope that a stream feeds: every row of it is judged, so that nobody has to ask."""
+"""Limits of the envelope fed by a stream: every row is judged, so that no separate readings are needed."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ __all__ = ["OFTEN", "Columns", "DerivedFeed", "Fed", "Feed", "Feeds", "Glance", 
 _MOST_ROWS = 240
 
 OFTEN = 10
-"""So many rows in the period of a limit stand for its readings: one outside is confirmed as soon as by a reading."""
+"""Rows needed per period of a limit to replace its readings: an excursion is confirmed as soon as by readings."""
 
 _Look = tuple[int, list[tuple[int, float, float]]]
 
 
 class Glance:
-    """Lets rows pass that all limits have room for. They wait, and are counted together.
+    """Fast path for rows within the room of all limits: they are queued, and counted together.
 
     Args:
         monitors: all that the stream feeds.
-        places: which place of a row holds which quantity.
+        places: the column of each quantity.
         count: counts rows for the limits on derived quantities.
     """
 
@@ -47,7 +47,7 @@ class Glance:
         self._waiting: list[list[float]] = []
 
     def passes(self, rows: list[list[float]], ahead_ns: int, by_ns: int) -> bool:
-        """Return whether rows are good at a glance, and note that they are; see `Feed.judge`."""
+        """Return whether rows are good at a glance, and queue them if so; see `Feed.judge`."""
         look = self._look or self._new_look()
         last_ns = round(rows[-1][0] * NANOSECONDS)
         if look is None or last_ns > look[0]:
@@ -64,13 +64,13 @@ class Glance:
         return True
 
     def catch_up(self) -> None:
-        """Count the rows that wait."""
+        """Count the queued rows."""
         waiting, self._waiting, self._look = self._waiting, [], None
         if waiting:
             self._count(waiting)
 
     def _new_look(self) -> _Look | None:
-        """Work out how far rows may go from what was counted last."""
+        """Work out the room for further rows after those counted last."""
         if (room := common_room(map(_room_of, self._monitors))) is not None:
             self._look = room.until_ns, [(self._places[name], *bounds) for name, bounds in room.bounds.items()]
         return self._look
@@ -86,21 +86,21 @@ def _room_of(monitor: Monitor) -> Room | None:
 
 
 Columns = int | tuple[int, ...]
-"""Which column of a row holds a limit's quantity, or which ones hold what it is derived from."""
+"""The column of a limit's quantity, or the columns that it is derived from."""
 
 Fed = Sequence[tuple[Columns, Monitor]]
 """The monitors that a stream feeds."""
 
 
 class DerivedFeed:
-    """Those of the monitors that a stream feeds whose quantity is derived.
+    """The monitors on derived quantities among those that a stream feeds.
 
     Args:
-        monitors: each with its columns; those with a single column are none of them.
+        monitors: each with its columns; those with a single column are left out.
 
     Attributes:
         any: whether there is one.
-        places: which place of a row holds which of their quantities.
+        places: the column of each of their quantities.
     """
 
     def __init__(self, monitors: Fed) -> None:
@@ -123,8 +123,8 @@ class DerivedFeed:
 
         Args:
             rows: time in s by the stream's own clock, and the channels.
-            ahead_ns: what the bench's time is ahead of that clock.
-            by_ns: how much later the instant of the last row is set.
+            ahead_ns: how far the bench's time is ahead of that clock.
+            by_ns: by how much the instant of the last row is shifted.
         """
         plain: list[list[float]] = rows if isinstance(rows, list) else rows.tolist()
         course = Course([round(row[0] * NANOSECONDS) for row in plain], plain, self.places)
@@ -143,14 +143,14 @@ class DerivedFeed:
         return found
 
     def count(self, rows: list[list[float]]) -> None:
-        """Count rows, at least one, of which none can trip."""
+        """Count rows, at least one, none of which can trip."""
         course = Course([round(row[0] * NANOSECONDS) for row in rows], rows, self.places)
         for columns, monitor, derivation in self._fed:
             if not derivation.quiet(course):
                 _values(derivation, monitor.inside, course.at_ns, rows, columns)
 
     def count_void(self, rows: list[list[float]]) -> None:
-        """Count rows that are void, and judge nothing: what flowed then has flowed; around them nothing is known."""
+        """Count void rows without judging them: what flowed then has flowed; around them nothing is known."""
         for columns, monitor, derivation in self._fed:
             derivation.pause()
             at_ns = [round(row[0] * NANOSECONDS) for row in rows]
@@ -161,7 +161,7 @@ class DerivedFeed:
 def _values(
     derivation: Derivation, inside: float, at_ns: Sequence[int], rows: list[list[float]], columns: tuple[int, ...]
 ) -> list[float]:
-    """Return the quantity at every row, a value within the limit where that does not count."""
+    """Return the quantity at every row, with a value within the limit where it does not apply."""
     values = []
     for when_ns, row in zip(at_ns, rows, strict=True):
         value = derivation.row(when_ns, [row[column] for column in columns])
@@ -182,14 +182,14 @@ def _tripped(
 def monitors_of(
     output: str, columns: Mapping[tuple[str, str], int], every_s: float, monitors: Sequence[Monitor]
 ) -> Fed:
-    """Return the monitors that a stream can feed, each with the columns of a row that hold its quantity.
+    """Return the monitors that a stream can feed, each with the columns of its quantity.
 
-    Rows have to come often enough for the maximum age, with time left to take a reading where none do any more.
+    Rows must come often enough for the maximum age, with time left to take a reading if they stop.
 
     Args:
         output: the role instance that streams.
-        columns: which place of a row holds what, by quantity and unit.
-        every_s: how far apart rows may come.
+        columns: the column of each quantity and unit.
+        every_s: the longest interval between rows.
         monitors: those to choose from.
     """
     return [
@@ -210,18 +210,18 @@ def _columns_of(monitor: Monitor, output: str, columns: Mapping[tuple[str, str],
 
 
 def _column_of(name: str, unit: str, columns: Mapping[tuple[str, str], int]) -> int | None:
-    """Return the column of a quantity in its role's unit; what the wire names alone has the unit that it says there."""
+    """Return the column of a quantity in its role's unit; an input named by the wire only has the wire's unit."""
     if unit:
         return columns.get((name, unit))
     return next((column for (each, _), column in columns.items() if each == name), None)
 
 
 def pause_allowed(monitors: Fed, row_s: float) -> float:
-    """Return how long rows may wait in seconds: every limit is read at least once per period, and none trips.
+    """Return how long rows may wait in s so that every limit is read at least once per period, and none trips.
 
     Args:
         monitors: those that a stream feeds.
-        row_s: from row to row.
+        row_s: interval between rows.
     """
     limits = [monitor.limit for _, monitor in monitors]
     return min(min(limit.period_s, limit.max_age_s - limit.period_s - row_s) for limit in limits)
@@ -230,13 +230,13 @@ def pause_allowed(monitors: Fed, row_s: float) -> float:
 class Feed:
     """The monitors that the rows of one stream feed.
 
-    The age between two rows is that by the stream's own clock; the age of the last one counts from the moment at
-    which it was fetched. So a clock that goes otherwise than the bench's makes no row older than it is.
+    The age between two rows is by the stream's own clock; the age of the last one counts from when it was fetched. So
+    a clock that drifts against the bench's makes no row older than it is.
 
     Args:
-        monitors: each with the columns of a row that hold its quantity.
-        every_s: how far apart rows may come.
-        recording: the recording's id, for the words of a trip.
+        monitors: each with the columns of its quantity.
+        every_s: the longest interval between rows.
+        recording: the recording's id, for the text of a trip.
 
     Attributes:
         monitors: those that it feeds.
@@ -255,7 +255,7 @@ class Feed:
             monitor.catch_up = self._glance.catch_up
 
     def judge(self, rows: list[list[float]] | NDArray[np.float64], now_ns: int) -> Trip | None:
-        """Judge rows that were fetched now, at least one; return the trip of the first one that trips, if any."""
+        """Judge rows that were just fetched, at least one; return the trip of the first one that trips, if any."""
         ahead_ns = now_ns - round(rows[-1][0] * NANOSECONDS)
         by_ns = ahead_ns - self._ahead_ns
         if self._derived.any:
@@ -274,12 +274,12 @@ class Feed:
         return replace(trip, text=f"{trip.text}, at {rows[place][0]:.9g} s of recording {self._recording}")
 
     def count_void(self, rows: NDArray[np.float64]) -> None:
-        """Count void rows for what adds up, and judge none: what flowed while they came has flowed."""
+        """Count void rows for integrals without judging them: what flowed while they came has flowed."""
         self._glance.catch_up()
         self._derived.count_void(rows.tolist())
 
     def end(self, now_ns: int) -> None:
-        """Let the monitors take readings again."""
+        """Have the monitors take readings again."""
         self._glance.catch_up()
         for monitor in self.monitors:
             monitor.catch_up = _nothing
@@ -308,14 +308,14 @@ class Feed:
 
 
 class Feeds:
-    """The feeds of a run, each by the id of its recording."""
+    """The feeds of a run, by the id of their recording."""
 
     def __init__(self) -> None:
         self._feeds: dict[str, Feed] = {}
         self._void: dict[str, Callable[[], NDArray[np.float64]]] = {}
 
     def begin(self, fed: Fed, every_s: float, recording: str) -> Feed:
-        """Return what judges a recording's rows. See `Feed`."""
+        """Return the feed that judges a recording's rows. See `Feed`."""
         feed = self._feeds[recording] = Feed(fed, every_s, recording)
         if (void_rows := self._void.pop(recording, None)) is not None:
             feed.count_void(void_rows())
@@ -326,12 +326,12 @@ class Feeds:
         return any(monitor in each.monitors for each in self._feeds.values())
 
     def end(self, feed: Feed, now_ns: int) -> None:
-        """Let the monitors of a feed take readings again."""
+        """Have the monitors of a feed take readings again."""
         feed.end(now_ns)
         self._feeds = {name: each for name, each in self._feeds.items() if each is not feed}
 
     def pass_over(self, recording: str, void_rows: Callable[[], NDArray[np.float64]]) -> None:
-        """Count rows of a recording that are void for what adds up, now or when it begins again."""
+        """Count a recording's void rows for integrals, now or when it restarts."""
         if feed := self._feeds.get(recording):
             feed.count_void(void_rows())
         else:
@@ -339,4 +339,4 @@ class Feeds:
 
 
 def _nothing() -> None:
-    """No rows wait any more."""
+    """Do nothing: no rows are queued any more."""

@@ -1,4 +1,4 @@
-"""Holding: the bench waits in its hold state until somebody releases it, and then is as it was."""
+"""Holding: the bench waits in its hold state until it is released, and is then restored."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from hil.wire.replay import HOLD, HOLD_END
 __all__ = ["Call", "Driven", "Holding"]
 
 _ENDS = (events.Case, events.Rest)
-"""Kinds of events after which nothing is driven any more: each case drives what it needs itself."""
+"""Kinds of events after which nothing is driven any more: each case itself drives what it needs."""
 
 
 @dataclass(frozen=True, slots=True)
 class Call:
-    """One driving call: what it was, and the bench time in s at which its operation was first needed."""
+    """A driving call, and the bench time in s at which its operation was first needed."""
 
     output: str
     operation: str
@@ -36,11 +36,11 @@ class Call:
 
 
 class Driven:
-    """Learns from the events of a run.
+    """What has been driven, learnt from the events of a run.
 
-    Of every output the last call of each operation is kept, in the order in which they were first needed: a voltage is
-    set before an output is switched on. A call that leads to a state of rest makes those before it void. A call that
-    begins something is not kept: nobody but the case may begin it again.
+    For every output the last call of each operation is kept, in the order in which they were first needed: a voltage is
+    set before an output is switched on. A call that leads to a state of rest voids those before it. A call that
+    starts something is not kept: only the case may start it again.
     """
 
     def __init__(self) -> None:
@@ -55,7 +55,7 @@ class Driven:
             self._drove(output, operation, event.arguments, event.t)
 
     def of(self, output: str) -> tuple[Call, ...]:
-        """Return the calls that bring an output to where it was."""
+        """Return the calls that restore an output."""
         return tuple(self._calls.get(output, {}).values())
 
     @property
@@ -69,7 +69,7 @@ class Driven:
 
     @property
     def calls(self) -> list[Call]:
-        """Those of all outputs, in the order in which they were first needed: a sensor is woken after its supply."""
+        """The calls of all outputs, in the order in which they were first needed: a sensor wakes after its supply."""
         return sorted((call for output in self._calls for call in self.of(output)), key=lambda call: call.first_t)
 
     def _drove(self, output: str, operation: str, arguments: Mapping[str, object], t: float) -> None:
@@ -94,10 +94,10 @@ _NOBODY = events.HoldAsked(release=True, by="", text="")
 
 
 class Holding:
-    """Holds the bench when somebody asks for it; a listener of the run's events.
+    """Holds the bench on request; a listener of the run's events.
 
-    Bench time of a simulated bench stands still in the meantime, as it does while a person is asked. That of hardware
-    continues, with monitors and recordings. Neither counts for the case's `max_duration`.
+    Meanwhile the bench time of a simulated bench stands still, as it does while a person is asked. That of hardware
+    continues, with monitors and recordings. Neither counts towards the case's `max_duration`.
 
     Args:
         bench: the bench.
@@ -106,8 +106,8 @@ class Holding:
         scheduler: the scheduling points to pass in the meantime.
 
     Attributes:
-        hears: the kinds of events that it has to be shown.
-        effects: the kinds of effects that it has to be shown.
+        hears: the kinds of events that it needs.
+        effects: the kinds of effects that it needs.
     """
 
     hears: ClassVar[tuple[type[events.Event], ...]] = (events.HoldAsked, events.Effect, *_ENDS)
@@ -124,18 +124,18 @@ class Holding:
         self._held = False
 
     def __call__(self, event: events.Event) -> None:
-        """Learn from an event what is driven, and who asks for what."""
+        """Learn from an event what is driven, and who requests what."""
         if isinstance(event, events.HoldAsked):
             self._asked(event)
         else:
             self._driven.take(event)
 
     def tick(self) -> None:
-        """Hold the bench, if somebody asked for it, until it is released.
+        """Hold the bench, if requested, until it is released.
 
         Raises:
-            Stopped, Tripped: the hold ended so.
-            DeviceFault: an output could not be brought back to what it was.
+            Stopped, Tripped: the hold ended that way.
+            DeviceFault: an output could not be restored.
         """
         if self._wanted is None or self._held:
             return
@@ -144,20 +144,20 @@ class Holding:
         self._hold(asked)
 
     def hold_as_recorded(self) -> None:
-        """Hold the bench where its record does; a resumed run that was killed while it was held is held again."""
+        """Hold the bench where its record does; a resumed run killed during a hold is held again."""
         if self._held or not self._scheduler.timeline.holds(HOLD):
             return
         began_ns, deadline_ns = self._scheduler.now_ns(), self._scheduler.deadline_ns
         self._held, self._scheduler.deadline_ns = True, None
         try:
             while not self._scheduler.timeline.holds(HOLD_END):
-                if self._scheduler.timeline.holds(HOLD):  # a second one is of a run that was resumed while it was held
+                if self._scheduler.timeline.holds(HOLD):  # a second one is from a run resumed during a hold
                     self._scheduler.timeline.mark_hold(HOLD)
                     self._take()
                     self._scheduler.watch_from_now()
                     continue
                 before = self._bench.transcript.operations
-                self._scheduler.point()  # monitors and turns beside the case, as they came while it was held
+                self._scheduler.point()  # monitors and turns beside the case, as during the hold
                 if not self._scheduler.timeline.retraces:
                     break
                 if self._bench.transcript.operations == before:
@@ -178,13 +178,13 @@ class Holding:
         return self._driven.any_on
 
     def drive_again(self) -> None:
-        """Issue again what had been driven on every output, in its order and as far apart as it was then.
+        """Reissue what had been driven on every output, in the same order and with the same spacing.
 
-        A sensor needs its time after its supply is on; longer waits than that were the case's own.
+        A sensor needs settling time after its supply is on; longer waits than that were the case's own.
 
         Raises:
-            DeviceFault: an output could not be brought back to what it was.
-            Stopped: somebody asked to stop; nothing more is driven then.
+            DeviceFault: an output could not be restored.
+            Stopped: a stop was requested; nothing more is driven.
         """
         before: Call | None = None
         clock = self._bench.clock
@@ -208,7 +208,7 @@ class Holding:
             self._wanted = event
 
     def _against(self, *, release: bool) -> str:
-        """Return why that cannot be done, empty if it can."""
+        """Return why the request cannot be met, empty if it can."""
         held = self._held or self._wanted is not None
         if release:
             return "" if held and self._released is None else "the bench is not held"
@@ -258,7 +258,7 @@ class Holding:
         return results
 
     def _end_unless_held(self, results: list[SafeResult]) -> None:
-        """End the run if the hold state was not reached: the person who asked for it may rely on it."""
+        """End the run if the hold state was not reached: the person who requested it may rely on it."""
         wrong = [f"{each.output} is not {each.state}: {each.detail}" for each in results if not each.ok]
         if wrong:
             self._flags.request(f"the bench, which did not reach its hold state: {wrong[0]}")
@@ -268,7 +268,7 @@ class Holding:
         self._bench.transcript.note(_BENCH, name, now_ns, now_ns)
 
     def _as_before(self) -> None:
-        """Issue again what had been driven on the outputs of the hold state, in the order of the wiring."""
+        """Reissue what had been driven on the outputs of the hold state, in the order of the wiring."""
         held = {step.output for step in self._bench.spec.hold}
         with self._flags.undisturbed():
             for output in [wire.name for wire in self._bench.spec.wiring if wire.name in held]:

@@ -1,4 +1,4 @@
-"""The inhibitor: this machine neither sleeps nor shuts down while a live bench is driven."""
+"""Sleep inhibitor: this machine neither sleeps nor shuts down while a live bench is driven."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ _MOST_DESCRIPTORS = 16
 
 
 class NotHeldOff(HilError):
-    """Sleep and shutdown are not held off."""
+    """Sleep and shutdown are not inhibited."""
 
 
 def hold_off(why: str, limit_s: float = _LIMIT_S) -> int:
-    """Return a descriptor that holds off sleep and shutdown of this machine until every copy of it is closed.
+    """Return a descriptor that inhibits sleep and shutdown of this machine until every copy of it is closed.
 
     This is `Inhibit` of `org.freedesktop.login1.Manager` with `what` "sleep:shutdown" and `mode` "block", see
     systemd's inhibitor locks (https://systemd.io/INHIBITOR_LOCKS). The bus is that of DBUS_SYSTEM_BUS_ADDRESS, or the
@@ -35,7 +35,7 @@ def hold_off(why: str, limit_s: float = _LIMIT_S) -> int:
 
     Args:
         why: what the machine is busy with, for anyone who asks it to sleep.
-        limit_s: how long the connection, and each call, may take [s].
+        limit_s: timeout of the connection, and of each call [s].
 
     Raises:
         NotHeldOff: with what logind, or the bus, said.
@@ -43,16 +43,16 @@ def hold_off(why: str, limit_s: float = _LIMIT_S) -> int:
     try:
         with socket.socket(socket.AF_UNIX) as connection:
             return _Bus(connection, limit_s).inhibit(why)
-    except (OSError, RuntimeError, ValueError, StopIteration) as error:  # the last three: an address that is none
+    except (OSError, RuntimeError, ValueError, StopIteration) as error:  # the last three: an invalid address
         said = "no answer in time" if isinstance(error, TimeoutError) else getattr(error, "strerror", None) or error
         raise NotHeldOff(f"logind cannot be asked over D-Bus: {said}") from error
 
 
 class _Bus:
-    """One connection to a bus, on which no step lasts longer than its limit."""
+    """One connection to a bus, with a timeout for every step."""
 
     def __init__(self, connection: socket.socket, limit_s: float) -> None:
-        from jeepney import Parser  # noqa: PLC0415 - only where something holds off sleep
+        from jeepney import Parser  # noqa: PLC0415 - only where sleep is inhibited
 
         self._connection = connection
         self._limit_s = limit_s
@@ -113,7 +113,7 @@ class _Bus:
         self._parser.add_data(_some(data), fds=[FileDescriptor(each) for each in descriptors])
 
     def _deadline(self) -> Callable[[], None]:
-        """Return what leaves the connection as much patience as is left, and raises TimeoutError once none is."""
+        """Return a function that sets the connection's timeout to the time left, or raises TimeoutError if none is."""
         end = wall.monotonic() + self._limit_s
 
         def within() -> None:
@@ -143,15 +143,15 @@ _LONGEST_LINE = 4096
 
 
 class Inhibitor:
-    """Holds off sleep and shutdown from `take` on, until it is closed or the last copy of its descriptor is.
+    """Inhibits sleep and shutdown from `take` on, until it is closed or the last copy of its descriptor is.
 
-    Taken twice it is held once. It is let go of with its process, however that ends, unless another one, such as the
-    guardian, was passed the descriptor.
+    Taking it twice has no further effect. It is released with its process, however that ends, unless another one, such
+    as the guardian, was passed the descriptor.
 
     Args:
         why: what the machine is busy with, for anyone who asks it to sleep.
-        command: holds in the place of logind; it writes a line once it holds, until its standard input ends.
-        limit_s: how long each answer may take [s].
+        command: inhibits in place of logind; it writes a line once it does, and stops when its standard input ends.
+        limit_s: timeout of each answer [s].
     """
 
     def __init__(self, why: str, command: Sequence[str] = (), limit_s: float = _LIMIT_S) -> None:
@@ -172,14 +172,14 @@ class Inhibitor:
 
     @property
     def descriptor(self) -> int | None:
-        """What holds as long as any process has it open; None while nothing is held."""
+        """The descriptor that inhibits as long as any process has it open; None while nothing is inhibited."""
         return self._descriptor
 
     def take(self) -> None:
-        """Hold off sleep and shutdown, if they are not held off already.
+        """Inhibit sleep and shutdown, unless they already are.
 
         Raises:
-            Refused: with why that cannot be done here, and what to do.
+            Refused: with why that is impossible here, and what to do.
         """
         if self._descriptor is not None and not self.lost():
             return
@@ -191,7 +191,7 @@ class Inhibitor:
             raise Refused(told, _COMMAND_HINT if self._command else _HINT) from error
 
     def lost(self) -> str:
-        """Return why nothing is held any more, empty while it is, and where nothing was taken."""
+        """Return why sleep is no longer inhibited, empty while it is, and if it was never taken."""
         if self._process is not None and (code := self._process.poll()) is not None:
             return f"the command of [hardware] inhibitor ended with {code}"
         if self._descriptor is None:
@@ -202,7 +202,7 @@ class Inhibitor:
         return "the inhibitor was released" if gone else ""
 
     def close(self) -> None:
-        """Let go; closing twice is harmless."""
+        """Release it; closing twice is harmless."""
         descriptor, self._descriptor = self._descriptor, None
         if descriptor is not None:
             with suppress(OSError):
@@ -231,7 +231,7 @@ class Inhibitor:
         return writer
 
     def _hear(self, process: subprocess.Popen[bytes]) -> None:
-        """Wait for the line with which the command says that it holds."""
+        """Wait for the line by which the command reports that it inhibits."""
         if process.stdout is None:
             return
         end, heard = wall.monotonic() + self._limit_s, b""
@@ -245,11 +245,11 @@ class Inhibitor:
 
 
 def _end(process: subprocess.Popen[bytes], limit_s: float) -> None:
-    """Wait for a command whose standard input has ended; one that does not end by itself is killed with its own."""
+    """Wait for a command whose standard input has ended; if it does not end, kill it with its process group."""
     try:
         process.wait(limit_s)
     except subprocess.TimeoutExpired:
-        with suppress(OSError):  # it may end by itself right now
+        with suppress(OSError):  # it may be ending by itself right now
             os.killpg(process.pid, signal.SIGKILL)
         process.wait()
     if process.stdout is not None:

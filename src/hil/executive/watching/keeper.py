@@ -1,4 +1,4 @@
-"""The bench's keeper: arms it, watches it, brings it to rest, and makes it safe."""
+"""Keeper of the bench: arms it, watches it, brings it to rest, and makes it safe."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ __all__ = ["BenchKeeper", "Ticking", "watch_afterwards"]
 
 
 class Ticking(Protocol):
-    """Something that has to be done every fraction of a wall second."""
+    """A task to do several times a second."""
 
     def tick(self) -> None:
         """Do it."""
@@ -48,13 +48,13 @@ class BenchKeeper:
         journal: where events are written.
         store: opens recordings, one per monitor.
         machine: the machine that drives the bench.
-        timeline: decides when what no case asks for happens.
-        ticking: what else is done every fraction of a wall second; the first also runs in the watch after the end.
+        timeline: decides when things happen that no case asks for.
+        ticking: other tasks done several times a second; the first also runs during the watch after the end.
 
     Attributes:
-        holding: holds the bench when it is asked for; it has to be shown every event.
+        holding: holds the bench on request; it must be shown every event.
         journal: where events are written.
-        over: whether the run was entered again after its last case, on a bench that is not armed any more.
+        over: whether the run was re-entered after its last case, on a bench that is no longer armed.
     """
 
     def __init__(
@@ -88,19 +88,19 @@ class BenchKeeper:
         return self._armed.unsafe
 
     def tick(self) -> None:
-        """Do what has to be done every fraction of a wall second."""
+        """Do the tasks that are done several times a second."""
         for ticking in self._ticking:
             ticking.tick()
 
     def hold_as_recorded(self) -> None:
-        """Hold the bench where what is retraced does."""
+        """Hold the bench where the retraced record does."""
         self.holding.hold_as_recorded()
 
     def arm(self, asked: Iterable[Asked] = ()) -> str:
-        """Look, make safe, try every output at reduced level, and begin to watch; return why not, if not.
+        """Check, make safe, try every output at reduced level, and begin to watch; return why not, empty if armed.
 
         Args:
-            asked: the recordings for which there has to be room.
+            asked: the recordings for which there must be room.
         """
         self._asked = asked
         if problem := self._pass_gates(FIRST_ARMING):
@@ -118,12 +118,12 @@ class BenchKeeper:
         return room_gate(self._bench, self.scheduler.monitoring, self._asked)
 
     def arm_again(self, arming: int) -> str:
-        """Arm a bench that was made safe, and continue watching it; return why not, if not.
+        """Rearm a bench that was made safe, and continue watching it; return why not, empty if armed.
 
         Args:
-            arming: the `void_to` of the entry at which it is armed.
+            arming: the `void_to` of the entry at which it is rearmed.
         """
-        self.scheduler.rest()  # who was killed did not come to that
+        self.scheduler.rest()  # a killed run did not get to that
         if problem := self._pass_gates(arming):
             return problem
         self.scheduler.watch_from_now()
@@ -136,24 +136,24 @@ class BenchKeeper:
             self._watched[limit].append((t, figure.value))
 
     def fed(self, limit: str, recording: str) -> None:
-        """Write down that every row of a recording is judged against a limit."""
+        """Record that every row of a recording is judged against a limit."""
         self._journal.write(events.Fed(limit=limit, recording=recording))
 
     def late(self, limit: str, seconds: float) -> None:
-        """Write down that a monitor came late."""
+        """Record that a monitor was late."""
         period = next(item.period_s for item in self._bench.spec.envelope if item.id == limit)
         text = f"{limit} was read {seconds:.3g} s after it was due; its period is {period:g} s"
         self._journal.write(events.MonitorLate(limit=limit, late=round(seconds, 9), text=text))
 
     def trip(self, trip: Trip) -> None:
-        """Write the trip down and make the bench safe, before the case learns of it."""
+        """Record the trip and make the bench safe, before the case learns of it."""
         try:
             self._journal.write(events.Trip(limit=trip.limit, value=trip.value, unit=trip.unit, text=trip.text))
         finally:
             self.safe()
 
     def lost(self, distress: Distress) -> None:
-        """Write down what was lost, let the run stay open, and make the bench safe, before the case learns of it."""
+        """Record the loss, let the run stay open, and make the bench safe, before the case learns of it."""
         self._flags.leave_off(distress.reason)
         try:
             self._journal.write(events.Lost(what=distress.what or "port", device=distress.device, text=distress.text))
@@ -161,33 +161,33 @@ class BenchKeeper:
             self.safe()
 
     def give_up(self) -> None:
-        """End the run here: the present case never will."""
+        """End the run here: the present case will not end."""
         self._flags.give_up()
 
     def rest(self) -> str:
-        """Bring the bench to its rest state between cases; return why no further case can run, if so."""
+        """Bring the bench to its rest state between cases; return why no further case can run, empty if one can."""
         if self.over:
             return "the run was interrupted after its last case"
         if self.scheduler.lost:
             return ""
         faults: list[DeviceFault] = []
         with self._flags.shielded():
-            if self._flags.reason:  # no case follows, and the safe-off does; nobody waits for a proof of rest first
+            if self._flags.reason:  # no case follows, but the safe-off does: no need to prove rest first
                 self._armed.switch_off()
             problems = left_on(self._bench.spec.rest, self._bench, self._taken(events.Rest), faults.append)
         for fault in faults if problems else ():
-            with suppress(Stopped):  # the next case is not begun
+            with suppress(Stopped):  # the next case will not begin
                 self.scheduler.hear(self._bench.spec.instrument(fault.device), fault)
             if self.scheduler.lost:
                 return ""
         return f"the bench did not reach its rest state: {problems[0]}" if problems else ""
 
     def safe(self) -> None:
-        """Make the bench safe and prove it, uninterrupted; it may be called again."""
+        """Make the bench safe and prove it, uninterrupted; may be called repeatedly."""
         with self._flags.shielded():
             self._armed.switch_off()
             self.scheduler.rest()
-            self.scheduler.come()  # what a person or a case took of time is not the safe-off's
+            self.scheduler.come()  # time taken by a person or a case does not count for the safe-off
             problems = self._armed.make_safe(self._taken(events.Safe))
             self._journal.write(events.SafeEnd(ok=not problems))
 
@@ -200,7 +200,7 @@ class BenchKeeper:
         lost = self.scheduler.lost is not None
         if problems := self._armed.let_go(lost=lost):
             self._journal.write(events.HostGate(name="guardian", ok=False, detail="; ".join(problems)))
-        if self._armed.touched and not self.stays_open:  # what is read after the end belongs to the end of a run
+        if self._armed.touched and not self.stays_open:  # the watch after the end belongs to the end of a run
             self._watch_afterwards()
         self._armed.latch("the run could not prove the bench safe")
         for recording in self._watched.values():
@@ -209,22 +209,22 @@ class BenchKeeper:
 
     @property
     def stays_open(self) -> bool:
-        """Whether the run was stopped to be resumed: with its bench safe, or without what it would have to reach it by.
+        """Whether the run was stopped to be resumed: with its bench safe, or without the means to reach it.
 
-        A bench that is not proven safe then is latched, and its guardian is at it.
+        A bench that is not proven safe then is latched, and its guardian keeps trying.
         """
         unsafe = self.unsafe and not self.scheduler.lost
         return self._flags.leave_open and not unsafe and not self.scheduler.tripped
 
     def _watch_afterwards(self) -> None:
-        """See that what was made safe behaves like it; whatever its lines have proven, this counts."""
+        """Watch whether what was made safe stays safe; this counts, whatever the lines have proven."""
         with self._flags.shielded():
             if not watch_afterwards(self._bench, self._store, self._taken(events.Safe), self._ticking[0]):
                 self._journal.write(events.SafeEnd(ok=False))
                 self._armed.unsafe = True
 
     def _pass_gates(self, arming: int) -> str:
-        """Take the gates one by one; the first that does not hold ends the arming, and is returned."""
+        """Pass the gates one by one; the first that does not hold ends the arming, and is returned."""
 
         def passed(gate: Gate, of_host: bool) -> None:
             kind = events.HostGate if of_host else events.Gate
@@ -243,7 +243,7 @@ class BenchKeeper:
         return self._armed.arm(arming, self.scheduler, passed)
 
     def _taken(self, kind: type[events.Rest]) -> Callable[[SafeResult], None]:
-        """Return what writes a line down that was taken."""
+        """Return a function that records an executed line."""
         return lambda result: self._journal.write(
             kind(
                 output=result.output,
@@ -276,13 +276,13 @@ class BenchKeeper:
 
 
 def watch_afterwards(bench: BoundBench, store: RowStore, tell: Callable[[SafeResult], None], ticking: Ticking) -> bool:
-    """Watch what the bench file says, with a recording of each line, and return whether all of it holds.
+    """Watch the lines of the bench file, with a recording of each, and return whether all of them hold.
 
     Args:
-        bench: the bench, whose safe-off has been taken.
+        bench: the bench, after its safe-off.
         store: opens the recordings.
         tell: called with every result.
-        ticking: what has to continue in the meantime.
+        ticking: a task to continue in the meantime.
     """
     recordings = {watch: store.begin(_watched_facts(bench, watch)) for watch in bench.spec.watch_after}
 

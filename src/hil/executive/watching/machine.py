@@ -1,4 +1,4 @@
-"""The machine that drives a bench outside this process: ports, wakefulness, and the guardian of the run."""
+"""The machine that drives a bench outside this process: its ports, sleep inhibitor, and guardian."""
 
 from __future__ import annotations
 
@@ -38,10 +38,10 @@ __all__ = ["ArmingPeople", "Guarding", "LiveMachine", "live_machine"]
 _BEAT_S = 0.1
 _BETWEEN_S = 10.0
 _GATE_S = 60.0
-"""How long one gate of an arming may take, beside everything that is brought to its safe state in it."""
+"""Longest duration of one gate of an arming, in addition to any outputs made safe in it."""
 
 _ARMING_S = 1800.0
-"""How long all of them may take together, whatever passes meanwhile."""
+"""Longest total duration of all gates of an arming."""
 
 _SPARE_S = 30.0
 _GRACE_S = 1.0
@@ -49,20 +49,20 @@ _RENEWED_S = 600.0
 
 
 class Guarding:
-    """Keeps the guardian of a bench: started before the first output, let go of when everything is proven safe.
+    """Keeps the guardian of a bench: started before the first output, released when everything is proven safe.
 
     Args:
         bench: the bench, on its open ports.
-        clock: its clock, which pulses wherever it is read.
-        flags: tell whether the executive is at something that no monitor can interrupt.
+        clock: its clock, which sends a pulse wherever it is read.
+        flags: know whether the executive is doing something that no monitor can interrupt.
         folder: the run's folder.
-        leases: what the run holds alone.
-        locks: descriptors of these leases, which the guardian keeps as long as it is at work.
+        leases: what the run holds exclusively.
+        locks: descriptors of these leases, which the guardian keeps as long as it is active.
 
     Attributes:
-        lost: why the guardian is none any more, empty while it is.
-        proven: whether the guardian, which was let go of with something unsafe, has proven all of it safe itself; the
-            bench is latched then.
+        lost: why the guardian is lost, empty while it is not.
+        proven: whether the guardian, released with something unsafe, has itself proven all of it safe; the bench is
+            then latched.
     """
 
     def __init__(
@@ -95,11 +95,11 @@ class Guarding:
         self.proven = False
 
     def begin(self, freshness: Freshness, held: Sequence[int] = ()) -> Iterator[Gate]:
-        """Start the guardian, let it take every output through its safe-off, and let it watch; each is a gate.
+        """Start the guardian, have it drill every output's safe-off, and have it watch; each step is a gate.
 
         Args:
-            freshness: says how long what is known of the bench is good.
-            held: more descriptors that the guardian is to keep open as long as it is at work.
+            freshness: says how long the last evaluation of the envelope is valid.
+            held: further descriptors for the guardian to keep open as long as it is active.
         """
         self._freshness = freshness
         try:
@@ -111,7 +111,7 @@ class Guarding:
             self._armed_by = _boot_s() + _ARMING_S
             self.passed()
             self._guardian.watch()
-            self._watching, self._clock.pulse = True, self.pulse  # from here on it acts on silence
+            self._watching, self._clock.pulse = True, self.pulse  # from now on it acts on silence
             self._latch = self._armed(plan)
             audibly(partial(latch_bench, self._leases, self._latch, alone=self._alone))
         except (HilError, OSError) as error:
@@ -124,40 +124,40 @@ class Guarding:
         )
 
     def _left(self, plan: GuardPlan) -> str:
-        """Return what the guardian does not look after."""
+        """Return what the guardian does not cover."""
         nothing = "" if plan.names else "; it guards no output, so it proves nothing"
         others = ", ".join(harmless(self._bench.spec, plan.names))
         return nothing + (f"; not guarded, because they do no harm by their roles: {others}" if others else "")
 
     def passed(self) -> None:
-        """Give the next gate of the arming its time: nothing else says yet how long the bench is known to be well."""
+        """Grant the next gate of the arming its time: no monitor says yet how long the bench is known to be good."""
         if self._armed_by and self._freshness is not None and self._freshness.fresh_until_ns is None:
             self._until = min(_boot_s() + self._gate_s, self._armed_by)
 
     def switch_off(self) -> None:
-        """Send every output's command to be safe, as the guardian would: no slow instrument delays another.
+        """Send every output's safe command, as the guardian would: no slow instrument delays another.
 
-        What cannot be sent so is left to the drivers, whose turn is next. See `hil.guardian.ports.outputs.switch_off`.
+        What cannot be sent that way is left to the drivers, run next. See `hil.guardian.ports.outputs.switch_off`.
         """
         with suppress(HilError, OSError):
             plan = plan_of(self._bench, self._folder, self._leases)
             switch_off(plan, self._bench.descriptors, self.pulse)
 
     def pulse(self) -> None:
-        """Tell the guardian that the run lives, and up to when what it knows of the bench is good; often is cheap."""
+        """Send the guardian a heartbeat, with how long the envelope's last evaluation is valid; cheap to call often."""
         self._pulsed = wall.monotonic()
         self._beat(self._pulsed)
 
     @property
     def descriptors(self) -> list[int]:
-        """This process's end of what connects it with the guardian."""
+        """This process's end of the connection to the guardian."""
         end = -1 if self._guardian is None else self._guardian.descriptor
         return [] if end < 0 else [end]
 
     def between(self) -> None:
-        """Send it the same where the run reads no clock for a while; after some seconds the run has to do so itself.
+        """Send a heartbeat while the run reads no clock; after some seconds the run itself has to.
 
-        The end of a case is such a place: what failed is formatted, and written down. So is a slow disk.
+        Examples are the end of a case, when failures are formatted and written, and a slow disk.
         """
         now = wall.monotonic()
         if now - self._pulsed < _BETWEEN_S:
@@ -174,20 +174,20 @@ class Guarding:
         self._keep_latched(now)
 
     def _keep_latched(self, now: float) -> None:
-        """Renew the latches of the armed bench now and then, so that neither age nor anybody's hand takes them away."""
+        """Renew the latches of the armed bench from time to time, so that they neither expire nor stay removed."""
         if self._latch is not None and now - self._latched >= _RENEWED_S:
             self._latched = now
-            with suppress(OSError, HilError):  # the bench is no less guarded; the next renewal may succeed
+            with suppress(OSError, HilError):  # the bench is still guarded; the next renewal may succeed
                 audibly(partial(keep_latched, self._leases, self._latch, alone=self._alone))
 
     def end(self, *, proven: bool) -> list[str]:
-        """Let the guardian check every output itself, and go; return what it does not find safe.
+        """Have the guardian check every output itself, and release it; return what it does not find safe.
 
-        It goes in any case. Where something is not safe it has tried itself and has latched the bench. Where it is
-        gone, nobody but the run can say what is safe.
+        It is released in any case. If something is not safe, it has tried itself and has latched the bench. If it is
+        gone, only the run can say what is safe.
 
         Args:
-            proven: whether the run has just proven every output safe itself.
+            proven: whether the run itself has just proven every output safe.
         """
         guardian, self._guardian, self._latch = self._guardian, None, None
         if guardian is None:
@@ -199,8 +199,8 @@ class Guarding:
         except HilError as error:
             guardian.close()
             return self._unlatched() if proven else [str(error)]
-        guardian.close()  # one that has not found everything safe acts now, and latches the bench
-        wrong = [_told(each) for each in found if not each.ok]
+        guardian.close()  # if it has not found everything safe, it acts now, and latches the bench
+        wrong = [_described(each) for each in found if not each.ok]
         if stays := guardian.stays_for:
             wrong.append(f"the guardian keeps trying to make {', '.join(stays)} safe, until then or until hil ack")
         last = guardian_lines(self._folder)[before:][-1:]
@@ -208,7 +208,7 @@ class Guarding:
         return wrong or self._unlatched()
 
     def _unlatched(self) -> list[str]:
-        """Remove the latch of the arming; return what keeps it there."""
+        """Remove the latch of the arming; return what prevents that."""
         try:
             clear_latches_of(self._folder.name)
         except HilError as error:
@@ -216,12 +216,12 @@ class Guarding:
         return []
 
     def _armed(self, plan: GuardPlan) -> Latch:
-        """Return what latches the bench as long as it is armed: run and guardian may end in one instant."""
+        """Return the latch of the bench while it is armed: run and guardian may end at the same instant."""
         why = "it was armed, and neither its run nor the guardian has said since that it is safe"
         return Latch(bench=plan.bench, run=str(self._folder), why=why, since=wall.utc_now(), outputs=plan.names)
 
     def _good_until(self) -> float:
-        """Return the boot time in s up to which nobody needs to look after the bench again."""
+        """Return the boot time in s until which the bench needs no attention."""
         fresh_ns = self._freshness.fresh_until_ns if self._freshness else None
         if self._flags.is_shielded or fresh_ns is None:
             self._until = self._until or _boot_s() + self._uninterrupted_s
@@ -235,13 +235,13 @@ def _longest_safing_s(spec: BenchSpec) -> float:
 
 
 def _hung_up(gone: Sequence[str], spec: BenchSpec) -> Distress:
-    """Return what it means that ports hung up: a bench that lost one can be resumed, a device under test has ended."""
+    """Return the distress of ports that hung up: the run can be resumed unless the device under test was lost."""
     ours = [name for name in gone if not spec.instrument(name).dut]
     text = f"the port of {', '.join(gone)} is gone"
     return Distress(text, "port", ", ".join(ours)) if ours else Distress(text)
 
 
-def _told(drilled: DrillResult) -> str:
+def _described(drilled: DrillResult) -> str:
     return f"{drilled.output}: {drilled.detail}"
 
 
@@ -253,19 +253,19 @@ class ArmingPeople(Protocol):
     """The people that an armed bench needs."""
 
     def gates(self) -> Iterable[Gate]:
-        """Give the gates one by one that people open."""
+        """Yield the gates that people open, one by one."""
         ...
 
 
 class LiveMachine:
-    """Ports that are whose they should be, a machine that stays awake, and a guardian.
+    """Machine of a live bench: ports with the right identity, a sleep inhibitor, and a guardian.
 
-    A served bench is simulated: its ports belong to nobody, and nothing real suffers if its machine sleeps.
+    A served bench is simulated: its ports have no identity, and nothing real suffers if its machine sleeps.
 
     Args:
         bench: the bench; one whose source is simulated is served.
         guarding: the guardian.
-        inhibitor: holds off sleep and shutdown.
+        inhibitor: inhibits sleep and shutdown.
         tenant: has the bench for itself.
     """
 
@@ -284,20 +284,20 @@ class LiveMachine:
 
     @property
     def descriptors(self) -> list[int]:
-        """What belongs to this process alone: its ports, the inhibitor, and the connection with the guardian."""
+        """Descriptors that belong to this process alone: ports, inhibitor, and the connection to the guardian."""
         awake = self._inhibitor.descriptor
         return [*self._bench.descriptors.values(), *self._guarding.descriptors, *([] if awake is None else [awake])]
 
     def between(self) -> None:
-        """Let the guardian hear of the run while nothing reads the bench for some seconds."""
+        """Send the guardian a heartbeat while nothing reads the bench for some seconds."""
         self._guarding.between()
 
     def passed(self) -> None:
-        """Let the guardian wait for the next gate of an arming, after one that passed."""
+        """After a gate of an arming, have the guardian wait for the next one."""
         self._guarding.passed()
 
     def gates(self, freshness: Freshness) -> Iterator[Gate]:
-        """Yield what has to hold before anything is driven; with the last one the guardian watches."""
+        """Yield the gates that must hold before anything is driven; with the last one the guardian watches."""
         if not self._served:
             yield from port_gates(self._spec)
             yield from source_gates(self._spec)
@@ -308,7 +308,7 @@ class LiveMachine:
         yield from self._guarding.begin(freshness, () if awake is None else (awake,))
 
     def distress(self) -> Distress | None:
-        """Return why the bench cannot be driven any more, None while it can."""
+        """Return why the bench can no longer be driven, None while it can."""
         if self._guarding.lost:
             return Distress(self._guarding.lost, "guardian")
         now = wall.monotonic()
@@ -318,11 +318,11 @@ class LiveMachine:
             return _hung_up(gone, self._spec)
         if why := "" if self._served else self._inhibitor.lost():
             return Distress(why, "machine")
-        self._looked = now  # what was found is told to everyone who asks
+        self._looked = now  # what was found is reported to every caller
         return None
 
     def _gone(self) -> list[str]:
-        """Return the instruments whose port has hung up; no byte is read, and nothing may be sent to find out."""
+        """Return the instruments whose port has hung up; nothing is read or sent to find out."""
         looked, names = select.poll(), {}
         for name, descriptor in self._bench.descriptors.items():
             names[descriptor] = name
@@ -339,13 +339,13 @@ class LiveMachine:
         return self._guarding.proven
 
     def end(self, *, proven: bool) -> list[str]:
-        """Let go of everything; return what the guardian does not find safe. See `Guarding.end`."""
+        """Release everything; return what the guardian does not find safe. See `Guarding.end`."""
         problems = self._guarding.end(proven=proven)
         self._inhibitor.close()
         return problems
 
     def latch(self, why: str) -> None:
-        """Latch the bench, which was not proven safe; where that is not possible, it is told."""
+        """Latch the bench, which was not proven safe; a failure to do so is reported."""
         try:
             latch_unsafe_end(
                 self._tenant.leases,
@@ -376,9 +376,9 @@ def live_machine(
     Args:
         bench: the bench.
         clock: its clock.
-        flags: tell whether the executive is at something that no monitor can interrupt.
+        flags: know whether the executive is doing something that no monitor can interrupt.
         tenant: has the bench for itself.
-        inhibit: a command that holds off sleep and shutdown in the place of logind; empty for logind.
+        inhibit: a command that inhibits sleep and shutdown in place of logind; empty for logind.
     """
     guarding = Guarding(bench, clock, flags, folder=tenant.folder, leases=tenant.leases, locks=tenant.lease.descriptors)
     return LiveMachine(bench, guarding, Inhibitor(f"hil drives bench {bench.spec.name}", inhibit), tenant)

@@ -1,4 +1,4 @@
-"""Monitors and heartbeats while a run is in progress: each has its turn when it is due, in a replay as recorded."""
+"""Monitors and heartbeats during a run: each takes its turn when due, or in a replay as recorded."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ from hil.wire.tap import LONGEST_TRANSACTION
 __all__ = ["Heartbeat", "Monitoring", "heartbeats_of", "monitor_of"]
 
 _BEATS = 3
-"""So many heartbeats in the time of a watchdog: two may be lost."""
+"""Heartbeats per timeout of a watchdog: two may be lost."""
 
 _BEHIND_NS = NANOSECONDS // 10
-"""More than a turn of a monitor takes from the samples of a recording, which catch up with it."""
+"""More than a monitor's turn delays the samples of a recording, which catch up with it."""
 
 
 class _Ahead(Bus):
-    """The bus before the first sample of a recording, which begins when all that cannot wait has been read.
+    """The bus before a recording's first sample, which is taken when everything that cannot wait has been read.
 
     Args:
         pace: of the recording.
@@ -50,7 +50,7 @@ class _Ahead(Bus):
         self.admitted = False
 
     def room(self, monitor: Monitor, now_ns: int, until_ns: int) -> bool:
-        """Return whether a monitor would have to be read between two samples later, and finds no room there."""
+        """Return whether a monitor would later have to be read between two samples, without room for that."""
         del until_ns
         before = Share(self._pace, now_ns, self._monitors).before(monitor)
         self.admitted = self.admitted or before
@@ -63,16 +63,16 @@ class Monitoring:
     Args:
         bench: the bench.
         monitors: one per limit of the envelope.
-        reports: is called with every reading.
-        trip: makes the bench safe for the first trip, and ends what the case does.
-        hear: hears of faults where there is no case; raises where the bench cannot be driven any more.
+        reports: called with every reading.
+        trip: makes the bench safe on the first trip, and ends what the case does.
+        hear: called with faults outside cases; raises if the bench can no longer be driven.
 
     Attributes:
         watching: whether they run.
-        case: hears when a monitor's device is silent or talks nonsense, None between cases.
+        case: is notified when a monitor's device is silent or talks nonsense, None between cases.
         soonest_ns: before this instant none is due.
-        quiet_ns: before this instant none is read where nothing waits and no recording shares the bus.
-        bus: says when one may be read.
+        quiet_ns: before this instant none is read at a call, unless a recording shares the bus.
+        bus: decides when one may be read.
     """
 
     def __init__(
@@ -95,22 +95,22 @@ class Monitoring:
         self._hear = hear
 
     def restart(self) -> None:
-        """Start watching, or start again."""
+        """Start or restart watching."""
         for monitor in self.all:
             monitor.restart(self._clock.now_ns())
         self.look_again()
         self.watching = True
 
     def look_again(self) -> None:
-        """Look at every monitor at the next turn: some may be due sooner than they were."""
+        """Consider every monitor at the next turn: some may now be due sooner."""
         self.soonest_ns = self.quiet_ns = 0
 
     def look_up_ns(self, when_ns: int, timeline: Timeline) -> int:
-        """Return when a wait until `when_ns` has to look up: for one of them, where a record has it, or at its end."""
+        """Return when a wait until `when_ns` must pause: for one of them, where a record has it, or at its end."""
         return when_ns if self.soonest_ns > when_ns else timeline.look_up_ns(when_ns, self.all if self.watching else ())
 
     def run(self, until_ns: int, timeline: Timeline) -> None:
-        """Run those whose turn it is before `until_ns`, if they are to run."""
+        """Run those whose turn is before `until_ns`, if watching."""
         if not self.watching or self.soonest_ns > until_ns + self.bus.lead_ns:
             return
         name = MONITOR if self._clock.now_ns() < until_ns else OVERDUE
@@ -119,27 +119,27 @@ class Monitoring:
         self.soonest_ns = timeline.soonest_ns(self.all)
 
     def run_overdue(self, timeline: Timeline) -> None:
-        """Run those that cannot wait for a wait in which there is room for them."""
+        """Run those that cannot wait for the next wait of the case."""
         self.run(self._clock.now_ns(), timeline)
         self.quiet_ns = timeline.quiet_ns(self.all)
 
     def beside(self, fed: Fed) -> list[Monitor]:
-        """Return the monitors but those that rows feed."""
+        """Return the monitors that are not fed by rows."""
         return [monitor for monitor in self.all if all(monitor is not each for _, each in fed)]
 
     def run_before(self, pace: Pace, fed: Fed, timeline: Timeline) -> list[Monitor]:
-        """Run, before the first sample of a recording, those that would be due between two and find no room there.
+        """Run, before the first sample of a recording, those that would be due between samples without room there.
 
         Args:
             pace: of the recording.
             fed: the limits that its rows feed, which are not read meanwhile.
-            timeline: says what a record has here.
+            timeline: knows what a record has here.
 
         Returns:
             the other limits.
         """
         monitors = self.beside(fed)
-        for _ in monitors:  # what one reading takes may be too long for another one, which then goes before, too
+        for _ in monitors:  # the time of one reading may leave no room for another, which then also goes before
             ahead = _Ahead(pace, monitors)
             for monitor in timeline.due(monitors, self._clock.now_ns(), OVERDUE, ahead):
                 self._take(monitor, OVERDUE)
@@ -148,10 +148,10 @@ class Monitoring:
         return monitors
 
     def run_late(self, when_ns: int, timeline: Timeline) -> None:
-        """Run those that are overdue where a wait until `when_ns` would begin long after its end.
+        """Run those that are overdue if a wait until `when_ns` would begin long after its end.
 
-        Samples that come ever later leave no wait in which a monitor has its turn. The first of a recording, and one
-        that is a little late, are taken at once: a wait after them has room.
+        Samples that fall ever further behind leave no wait for a monitor's turn. The first of a recording, and one that
+        is a little late, are taken at once: a wait after them has room.
         """
         now_ns = self._clock.now_ns()
         if now_ns >= when_ns + _BEHIND_NS:
@@ -165,32 +165,34 @@ class Monitoring:
                 self._reports.late(monitor.limit.id, late_s)
             figure, trip = monitor.take(self._clock.now_ns)
         except DeviceFault as fault:
-            self._tell(monitor, fault)
+            self._report_fault(monitor, fault)
             trip = monitor.stale(self._clock.now_ns())
             figure = Figure(value=float("nan"), unit=monitor.limit.unit)
             if trip:
                 trip = Trip(trip.limit, trip.value, trip.unit, f"{trip.text} ({fault})")
         else:
             if self._silences() > silences:
-                self._tell_of_silence(monitor, self._clock.now_ns() - now_ns)
+                self._report_silence(monitor, self._clock.now_ns() - now_ns)
         self.bus.note(f"the reading of {monitor.limit.id}", now_ns, self._clock.now_ns())
         self._reports.reading(monitor.limit.id, self._clock.now(), figure)
         if trip:
             self._trip(trip)
         self.look_again()  # after a reading outside the next one is due sooner
 
-    def _tell_of_silence(self, monitor: Monitor, lasted_ns: int) -> None:
-        """Tell of a reading that came in the end, but held the case up: a driver asks again after a silence."""
+    def _report_silence(self, monitor: Monitor, lasted_ns: int) -> None:
+        """Report a reading that came in the end, but delayed the case: a driver retries after a silence."""
         if lasted_ns > LONGEST_TRANSACTION * self._bench.speed * NANOSECONDS:
             lasted = f"the {monitor.limit.words} of {monitor.limit.output} came after {lasted_ns / NANOSECONDS:.3g} s"
             instrument = self._instrument(monitor)
-            self._tell(monitor, NoReply(instrument.name, f"{lasted}, asked for more than once", "check its line"))
+            self._report_fault(
+                monitor, NoReply(instrument.name, f"{lasted}, asked for more than once", "check its line")
+            )
 
     def _silences(self) -> int:
         return sum([port.silences for port in self._bench.ports])
 
-    def _tell(self, monitor: Monitor, fault: DeviceFault) -> None:
-        """Tell the present case: what it records in the meantime has a gap that is the bench's, not the DUT's."""
+    def _report_fault(self, monitor: Monitor, fault: DeviceFault) -> None:
+        """Report a fault to the present case: a gap in its recordings is then the bench's, not the DUT's."""
         if self.case is not None:
             self.case.fault(self._instrument(monitor), fault)
         elif self._bench.live is not None:
@@ -202,10 +204,10 @@ class Monitoring:
 
 
 class Heartbeat:
-    """Keeps the watchdog of one instrument from opening its output; takes its turns beside the case.
+    """Heartbeat that keeps one instrument's watchdog from opening its output; takes turns beside the case.
 
-    A heartbeat that gets no answer is asked for again at its next turn, of which there are three before the watchdog
-    opens the output. One that comes too late finds the output off, and what the case drives is not what it thinks.
+    An unanswered heartbeat is retried at its next turn, of which there are three before the watchdog opens the output.
+    One that comes too late finds the output off, so that the case drives something other than it thinks.
 
     Args:
         output: the role instance.
@@ -274,7 +276,7 @@ def _reading(bench: BoundBench, output: str, quantity: str) -> Callable[[], Figu
 
 
 def _input_reading(wire: Wire, role: DataAcquisition, name: str) -> Callable[[], Figure]:
-    """Return what reads an input by its name; while the inputs are recorded, only rows tell of it."""
+    """Return a function that reads an input by its name; while the inputs are recorded, only rows show it."""
 
     def read() -> Figure:
         try:

@@ -1,4 +1,4 @@
-"""What watching a bench asks of others: a case, what takes turns beside it, its listeners, and the machine."""
+"""Interfaces required for watching a bench: the case, what takes turns beside it, listeners, and the machine."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ __all__ = ["Beside", "CaseAtWork", "Distress", "Freshness", "Machine", "NoMachin
 
 @dataclass(frozen=True, slots=True)
 class Distress:
-    """Why a bench outside this process cannot be driven any more.
+    """Why a bench outside this process can no longer be driven.
 
     Attributes:
         text: the same in words.
-        what: what was lost, see `hil.evidence.events.Lost`; empty for the end of the device under test, or of an
-            earlier version's run, which nobody resumes.
-        device: the instrument, empty if it is about none.
+        what: what was lost, see `hil.evidence.events.Lost`; empty for the loss of the device under test, or in an
+            earlier version's run, which cannot be resumed.
+        device: the instrument concerned, empty if none is.
     """
 
     text: str
@@ -35,7 +35,7 @@ class Distress:
 
     @property
     def reason(self) -> str:
-        """Return what a run was stopped by, for what a person reads of it."""
+        """Return what stopped a run, in words for people."""
         return f"{_LOST[self.what]}: {self.text}" if self.what else self.text
 
 
@@ -60,7 +60,7 @@ class Reports(Protocol):
         ...
 
     def late(self, limit: str, seconds: float) -> None:
-        """Note a monitor that took its turn so long after it was due."""
+        """Note a monitor that took its turn this long after it was due."""
         ...
 
     def trip(self, trip: Trip) -> None:
@@ -76,15 +76,15 @@ class Reports(Protocol):
         ...
 
     def give_up(self) -> None:
-        """End the run here: the present case never will."""
+        """End the run here: the present case will not end."""
         ...
 
     def hold_as_recorded(self) -> None:
-        """Hold the bench where what is retraced does."""
+        """Hold the bench where the retraced record does."""
         ...
 
     def tick(self) -> None:
-        """Do what has to be done every fraction of a wall second: flush, look into the inbox."""
+        """Do the tasks that are done several times a second: flush, poll the inbox."""
         ...
 
 
@@ -101,10 +101,10 @@ class CaseAtWork(Protocol):
 
 
 class Beside(Protocol):
-    """Something that takes turns beside a case: a stream that has to be emptied, a role that is sampled.
+    """Something that takes turns beside a case, such as draining a stream or sampling a role.
 
     Attributes:
-        what: what it is, for a sentence that begins with it.
+        what: what it is, as the beginning of a sentence.
     """
 
     what: str
@@ -119,48 +119,48 @@ class Beside(Protocol):
         ...
 
     def begin_again(self) -> None:
-        """Start again: the bench was made safe in the meantime."""
+        """Restart: the bench was made safe in the meantime."""
         ...
 
 
 class Freshness(Protocol):
-    """Tells how long what is known of a bench is good."""
+    """Freshness of what is known of a bench."""
 
     @property
     def fresh_until_ns(self) -> int | None:
-        """Bench time up to which the last evaluation of the envelope is good, None while nothing watches."""
+        """Bench time until which the last evaluation of the envelope is valid, None while nothing watches."""
         ...
 
 
 class Machine(Protocol):
-    """The machine that drives a bench, as far as the bench depends on it, with the people that an arming needs."""
+    """The machine that drives a bench, and the people that an arming needs, as far as the bench depends on them."""
 
     def gates(self, freshness: Freshness) -> Iterable[Gate]:
-        """Yield what has to hold before anything is driven."""
+        """Yield the gates that must hold before anything is driven."""
         ...
 
     def passed(self) -> None:
-        """Let the guardian wait for the next gate of an arming, after one that passed."""
+        """After a gate of an arming, have the guardian wait for the next one."""
         ...
 
     def distress(self) -> Distress | None:
-        """Return why the bench cannot be driven any more, None while it can."""
+        """Return why the bench can no longer be driven, None while it can."""
         ...
 
     def switch_off(self) -> None:
-        """Send every output's command to be safe, before anything is waited for; prove nothing."""
+        """Send every output's safe command before waiting for anything; prove nothing."""
         ...
 
     @property
     def proven(self) -> bool:
-        """Whether the guardian has proven safe, and latched, what the run could not."""
+        """Whether the guardian has proven safe, and latched, what the run could not prove."""
         ...
 
     def end(self, *, proven: bool) -> list[str]:
-        """Let go of it; return what is not safe.
+        """Release it; return what is not safe.
 
         Args:
-            proven: whether the run has just proven every output safe itself.
+            proven: whether the run itself has just proven every output safe.
         """
         ...
 
@@ -174,32 +174,32 @@ class Tenant(Protocol):
 
     @property
     def folder(self) -> Path:
-        """Where the guardian writes down what it did; its latches have this name."""
+        """Where the guardian logs what it did; its latches have this name."""
         ...
 
     @property
     def leases(self) -> Sequence[str]:
-        """What is held alone."""
+        """What is held exclusively."""
         ...
 
     @property
     def lease(self) -> Lease:
-        """What holds it."""
+        """The lease that holds it."""
         ...
 
     @property
     def events(self) -> EventSink:
-        """Where it is written down what cannot be done."""
+        """Where failures are recorded."""
         ...
 
 
 class NoMachine:
-    """A bench that lives in this process needs nothing of its machine, and ends with it."""
+    """The machine of a bench in this process, which needs nothing of it, and ends with it."""
 
     proven = False
 
     def gates(self, freshness: Freshness) -> Iterable[Gate]:
-        """Return that nothing has to hold."""
+        """Return no gates."""
         del freshness
         return ()
 
@@ -207,13 +207,13 @@ class NoMachine:
         """Do nothing: nobody waits."""
 
     def distress(self) -> None:
-        """Return that the bench can be driven."""
+        """Return None: the bench can be driven."""
 
     def switch_off(self) -> None:
-        """Do nothing: no reply is late here."""
+        """Do nothing: no reply is ever late here."""
 
     def end(self, *, proven: bool) -> list[str]:
-        """Return that nothing is unsafe."""
+        """Return that everything is safe."""
         del proven
         return []
 

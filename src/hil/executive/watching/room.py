@@ -1,4 +1,4 @@
-"""Room for the recordings of a plan: what cannot hold on this bench is refused before anything is energised."""
+"""Room for a plan's recordings: what cannot be met on this bench is refused before anything is energised."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ _NAME = "room for recordings"
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """A recording that a case has to take, with a rate or a longest gap.
+    """A recording that a case must take, with a rate or a longest gap.
 
     Attributes:
         requirement: the id of the requirement that asks for it.
         records: what it asks for.
-        fixtures: those that the case needs, roles among them.
+        fixtures: the fixtures that the case needs, including roles.
     """
 
     requirement: str
@@ -44,12 +44,12 @@ class Asked:
 def asked_of(
     cases: Iterable[PlannedCase], left_out: Container[str], requirement: Callable[[str], Requirement]
 ) -> list[Asked]:
-    """Return the recordings that cases have to take.
+    """Return the recordings that cases must take.
 
     Args:
-        cases: all that are planned.
+        cases: all planned cases.
         left_out: the ids of those that will not be run.
-        requirement: returns the entry of the catalogue with an id.
+        requirement: returns the catalogue's entry for an id.
     """
     found = dict[Asked, None]()
     for case in cases:
@@ -61,7 +61,7 @@ def asked_of(
 
 @dataclass(frozen=True, slots=True)
 class _Sampled:
-    """A recording of a role that is sampled: who asks for it, its pace, and the limits that are read beside it."""
+    """A recording of a sampled role: who asks for it, its pace, and the limits that are read beside it."""
 
     requirement: str
     wire: Wire
@@ -71,17 +71,17 @@ class _Sampled:
 
     @property
     def within(self) -> list[Monitor]:
-        """The limits that have to be read before its last sample."""
+        """The limits that must be read before its last sample."""
         return [each for each in self.beside if each.allowed_ns < self.pace.lasts_ns]
 
 
 def room_gate(bench: BoundBench, monitoring: Monitoring, asked: Iterable[Asked]) -> Iterator[Gate]:
-    """Take the time of readings and samples, and say whether rate, gap and maximum ages of recordings can all hold.
+    """Time readings and samples, and check that rate, gap and maximum ages of recordings can all be met.
 
-    Only roles that are sampled count, and only recordings that last longer than a limit may go without a reading: for
-    all others there is room before their first sample. Of the rate, the one that the requirement asks for counts: that
-    of the case is known when the case comes to it. The device under test is not sampled here, nor what the bench has to
-    feed first; their samples count as taking no time.
+    Only sampled roles count, and only recordings longer than a limit may go without a reading: for all others there is
+    room before their first sample. The rate is the one that the requirement asks for: that of the case is known only
+    when the case gets there. The device under test is not sampled here, nor anything that the bench has to feed
+    first; their samples count as taking no time.
     """
     tight = [each for each in _sampled(bench, monitoring.all, asked) if each.within]
     if not tight:
@@ -103,7 +103,7 @@ def room_gate(bench: BoundBench, monitoring: Monitoring, asked: Iterable[Asked])
 
 
 def _repeated(bench: BoundBench, call: Callable[[], object], lasted: Callable[[int], None]) -> None:
-    """Take the time of a call as often as it is to be seen; what does not answer is told where it is used."""
+    """Time a call as often as needed; one that does not answer is reported where it is used."""
     with suppress(HilError):
         for _ in range(ENOUGH):
             began_ns = bench.clock.now_ns()
@@ -112,7 +112,7 @@ def _repeated(bench: BoundBench, call: Callable[[], object], lasted: Callable[[i
 
 
 def _sampled(bench: BoundBench, monitors: Sequence[Monitor], asked: Iterable[Asked]) -> Iterator[_Sampled]:
-    """Yield the recordings that only one role of the bench can give, where that one is sampled."""
+    """Yield the recordings that only one role of the bench can provide, if that one is sampled."""
     for each in asked:
         records, wires = each.records, [wire for wire in bench.spec.wiring if wire.role in each.fixtures]
         found = [(wire, role) for wire in wires if (role := _role(bench, wire, records)) is not None]
@@ -140,19 +140,19 @@ def _sampled(bench: BoundBench, monitors: Sequence[Monitor], asked: Iterable[Ask
 
 
 def _role(bench: BoundBench, wire: Wire, records: Records) -> Sampled | None:
-    """Return a role as it is sampled if it has the channels that a requirement asks for; None if not."""
+    """Return a role for sampling if it has the channels that a requirement asks for; otherwise None."""
     filled = bench.roles[wire.name]
     if hasattr(filled, "blocks"):
         return None
     if not hasattr(filled, "sample"):
         filled = ReadBacks(ROLES[wire.role], filled)
-    sampled: Sampled = filled  # type: ignore[assignment]  # the attribute was looked at
+    sampled: Sampled = filled  # type: ignore[assignment]  # the attribute was checked
     names = {channel.name for channel in sampled.channels()}
     return sampled if names and names.issuperset(records.channels) else None
 
 
 def _found(pace: Pace, within: Sequence[Monitor]) -> str:
-    """Return what was seen, where there is room."""
+    """Return what was measured, if there is room."""
     sample = f"a sample takes {pace.sample_ns / 1e6:.4g} ms, " if pace.sample_ns else ""
     readings = ", ".join(f"{each.limit.id} {each.least_room_ns / 1e6:.4g} ms" for each in within)
     return f"{sample}one is due every {pace.period_ns / 1e6:.4g} ms; with a quarter to spare, readings take: {readings}"

@@ -27,21 +27,21 @@ __all__ = ["CaseTimeout", "Scheduler"]
 
 _BENCH = "bench"
 _UNWATCHED_NS = 10_000_000_000
-"""A bench without an envelope has a scheduling point within this time."""
+"""Longest time between scheduling points on a bench without an envelope."""
 
 _TICK_S = 0.2
 _SWALLOWED = 10
-"""After so many refusals a case has swallowed a stop, and the bench does not wait for its end any more."""
+"""After this many refusals a case has swallowed a stop, and the bench no longer waits for its end."""
 
 _LEAST_STANDING_S = 5.0
-"""A slow machine may take so long for a computation, however short a case's `max_duration` is."""
+"""Time always allowed for a computation on a slow machine, however short a case's `max_duration` is."""
 
 _MOST_REFUSALS = 100
-"""After so many it is never going to end."""
+"""After this many refusals a case is never going to end."""
 
 
 class CaseTimeout(BaseException):
-    """The case is past its time, with a sentence if that is not its `max_duration` of bench time.
+    """The case has timed out, with a sentence if that is not for its `max_duration` of bench time.
 
     Not an Exception, for the reason of `Stopped`.
     """
@@ -50,29 +50,28 @@ class CaseTimeout(BaseException):
 class Scheduler:
     """Runs due monitors and reads stop flags wherever a case lets time pass or calls a role.
 
-    A due monitor runs in a wait that has room for its reading, so that the wait ends at its instant. Commands
-    then happen at the same bench time whether or not there is one more monitor, and so does the physics that
-    follows from them. What takes turns beside the case takes them at their instants, and a wait is over for the
-    monitors' room at each of them. Only a monitor that is a whole period late, or whose reading would grow too old,
-    does not wait for its place: safety goes first.
+    A due monitor runs in a wait that has room for its reading, so that the wait ends on time. Commands then happen at
+    the same bench time whether or not there is one more monitor, and so does the physics that follows from them. What
+    takes turns beside the case takes them on time, and for the monitors' room a wait ends at each turn. Only a monitor
+    that is a whole period late, or whose last reading would become too old, does not wait for room: safety goes first.
 
     Args:
         bench: the bench, whose clock it drives.
         monitors: one per limit of the envelope.
         flags: stop requests.
         reports: what it reports to.
-        timeline: decides when what no case asks for happens.
+        timeline: decides when things happen that no case asks for.
 
     Attributes:
         clock: the bench's clock.
-        deadline_ns: the instant at which the present case has taken too long.
-        lost: what was lost that the bench cannot be driven without, if anything was.
+        deadline_ns: the instant at which the present case times out.
+        lost: what was lost and is needed to drive the bench, None if nothing was.
         overdue: why the present case has taken too long although bench time says otherwise, empty if it has not.
-        refused: how often the current case was asked to end.
+        refused: how many times the present case was asked to end.
         monitoring: runs the monitors.
         feeds: judge the rows of streams.
-        timeline: the one that holds now.
-        stood_since: the wall's moment since which bench time stands, and no person is awaited.
+        timeline: the present timeline.
+        stood_since: wall time since when bench time has stood still without waiting for a person.
     """
 
     def __init__(
@@ -112,7 +111,7 @@ class Scheduler:
 
     @property
     def fresh_until_ns(self) -> int | None:
-        """Bench time up to which what the monitors know is good, None while they do not run."""
+        """Bench time until which the monitors' readings are valid, None while they do not run."""
         if not self.watching:
             return None
         return min((each.good_until_ns for each in self.monitoring.all), default=self.now_ns() + _UNWATCHED_NS)
@@ -123,7 +122,7 @@ class Scheduler:
 
     @property
     def patience_s(self) -> float | None:
-        """Seconds of the wall after which nothing but a call that does not return keeps a case going, None without."""
+        """Wall-clock seconds after which only a call that does not return keeps a case going, None without a limit."""
         return None if self.deadline_ns is None else self._longest_standing_s + _LEAST_STANDING_S
 
     def rest(self) -> None:
@@ -135,7 +134,7 @@ class Scheduler:
         return self.clock.now_ns()
 
     def point(self) -> None:
-        """Be a scheduling point in which no time passes.
+        """Pass a scheduling point in which no time passes.
 
         Raises:
             Stopped, CaseTimeout, Tripped: see there.
@@ -157,34 +156,34 @@ class Scheduler:
         self.wait_until(self.clock.now_ns() + round(seconds * NANOSECONDS))
 
     def wait_until(self, when_ns: int, done: Callable[[], bool] | None = None) -> None:
-        """Let bench time pass until `when_ns`, or until `done` says so after a turn beside the case."""
+        """Let bench time pass until `when_ns`, or until `done` is true after a turn beside the case."""
         self._look()
         if not self._take_turns(when_ns, done) and not self._pass(when_ns):
             self.monitoring.run_late(when_ns, self.timeline)
 
     def begin_beside(self, beside: Beside) -> None:
-        """Let something take turns beside the case."""
+        """Start something that takes turns beside the case."""
         self._beside.append(beside)
 
     def end_beside(self, beside: Beside) -> None:
-        """Give it no more turns; it may be ended again."""
+        """End its turns; ending it twice is harmless."""
         if beside in self._beside:
             self._beside.remove(beside)
 
     def begin_again(self) -> None:
-        """Let what takes turns start again, after a time in which nothing did."""
+        """Restart what takes turns, after a time in which nothing did."""
         for beside in tuple(self._beside):
             beside.begin_again()
 
     def share(self, pace: Pace, fed: Fed = ()) -> Share:
-        """Return what a recording that feeds some limits leaves of the bus for others; see `Monitoring.run_before`."""
+        """Return the share of the bus that a recording leaves to limits not fed by it; see `Monitoring.run_before`."""
         if self.watching:
             self._look()
         others = self.monitoring.run_before(pace, fed, self.timeline) if self.watching else []
         return Share(pace, self.now_ns(), others)
 
     def feed(self, fed: Fed, every_s: float, recording: str) -> Feed:
-        """Return what judges a recording's rows. See `Feed`."""
+        """Return the feed that judges a recording's rows. See `Feed`."""
         for _, monitor in fed:
             self._reports.fed(monitor.limit.id, recording)
         return self.feeds.begin(fed, every_s, recording)
@@ -193,23 +192,23 @@ class Scheduler:
         """Judge rows that were just fetched.
 
         Raises:
-            Tripped: a row is outside for the last time that the limit allows; the bench was made safe.
+            Tripped: a row outside completed the limit's debounce; the bench was made safe.
         """
         if self.watching and (trip := feed.judge(rows, self.clock.now_ns())):
             self._make_safe(trip)
 
     def unfeed(self, feed: Feed) -> None:
-        """Let the monitors take readings again."""
+        """Have the monitors take readings again."""
         self.feeds.end(feed, self.clock.now_ns())
         self.monitoring.look_again()
 
     def come(self) -> None:
-        """Catch up with the present, where people or other processes took time; a replayed bench catches up alike."""
+        """Catch up with the present after people or other processes took time; a replayed bench does the same."""
         self.timeline.come()
         self.catch_up()
 
     def catch_up(self) -> None:
-        """Pass the points of a replayed bench at which it caught up in the middle of computations and questions."""
+        """Pass the points at which a replayed bench caught up in the middle of computations and questions."""
         for held_up in self.timeline.marks():
             if held_up is not None:
                 self._blame(held_up)
@@ -219,16 +218,16 @@ class Scheduler:
             self.monitoring.run(self.clock.now_ns(), self.timeline)
 
     def busy(self, seconds: float) -> None:
-        """Note that a case's own code let nobody look after the bench for so many seconds, with outputs on."""
+        """Note that a case's own code left the bench unattended for this many seconds, with outputs on."""
         if (held_up := self.timeline.busy(seconds)) is not None:
             self._blame(held_up)
 
     def overrun(self, why: str) -> None:
-        """End the present case here, and wherever it comes again."""
+        """End the present case here, and at every later scheduling point."""
         self.overdue = self.overdue or why
 
     def look(self) -> None:
-        """Be a scheduling point for a case's own code on a bench of this process: no monitor is due there.
+        """Pass a scheduling point in a case's own code on a bench in this process: no monitor is due there.
 
         Raises:
             Stopped, CaseTimeout, Tripped: see there.
@@ -237,28 +236,28 @@ class Scheduler:
             self._look()
 
     def go_on(self) -> None:
-        """Let a resumed bench continue by itself from here."""
+        """Let a resumed bench continue on its own from here."""
         self._bench.go_on()
         self.timeline = self.timeline.look()
 
     def retrace_to(self, at_ns: int) -> None:
-        """Let bench time pass up to an instant of the record at which a run was entered."""
+        """Let bench time pass up to the instant in the record at which a run was entered."""
         self.clock.wait_until(self.timeline.look_up_ns(at_ns, ()))
         self.timeline = self.timeline.look()
         self.clock.wait_until(at_ns)
 
     def begin_case(self, case: CaseAtWork, lasts_ns: int) -> None:
-        """Give a case its turn at the bench, which takes `lasts_ns` at most."""
+        """Begin a case's turn at the bench, which may take `lasts_ns` at most."""
         self.deadline_ns = self.clock.now_ns() + lasts_ns
         self._longest_standing_s = max(_LEAST_STANDING_S, lasts_ns / NANOSECONDS)
         self.stood_since, self.overdue = wall.monotonic(), ""
         self.refused = 0
         self.monitoring.case = case
-        if not self.watching:  # the bench was made safe under the case before
+        if not self.watching:  # the bench was made safe during the previous case
             self.watch_from_now()
 
     def put_off(self, passed_ns: int) -> None:
-        """Give the present case that much more time: its run was interrupted, and no pause makes a case too long."""
+        """Extend the present case's deadline: its run was interrupted, and a pause does not count against it."""
         if self.deadline_ns is not None:
             self.deadline_ns += passed_ns
 
@@ -267,9 +266,9 @@ class Scheduler:
         self.deadline_ns = self.monitoring.case = None
 
     def hear(self, instrument: InstrumentSpec, fault: DeviceFault) -> None:
-        """Hear of a fault of the bench; silence of a bench outside this process is a loss, see `lose`.
+        """Take a fault of the bench; silence of a bench outside this process is a loss, see `lose`.
 
-        Nonsense of a port that is there is none, nor is silence in this process or in a record: no cable is pulled.
+        Nonsense from an existing port is not a loss, nor is silence in this process or in a record: there is no cable.
 
         Raises:
             Stopped: it is a loss; the case is resumed, and not judged.
@@ -280,19 +279,19 @@ class Scheduler:
             raise Stopped(distress.reason)
 
     def lose(self, distress: Distress) -> None:
-        """Make safe what cannot be driven any more, and let the run stay open; the case learns of it where it is."""
+        """Make safe a bench that can no longer be driven, and let the run stay open; the case then learns of it."""
         self.refused += 1
         if self.lost is None:
             self.lost = distress
             self._reports.lost(distress)
 
     def idle(self) -> None:
-        """Be a scheduling point while a person is awaited; monitors take their turn as in any other wait."""
+        """Pass a scheduling point while waiting for a person; monitors take their turn as in any other wait."""
         self.stood_since = wall.monotonic()
         self.point()
 
     def _take_turns(self, until_ns: int, done: Callable[[], bool] | None) -> bool:
-        """Let time pass from turn to turn, in order of time, up to the last one before `until_ns`; tell if `done`."""
+        """Let time pass from turn to turn, in order, up to the last one before `until_ns`; return whether `done`."""
         while self._beside:
             beside = min(self._beside, key=attrgetter("due_ns")) if len(self._beside) > 1 else self._beside[0]
             due_ns = beside.due_ns
@@ -301,7 +300,7 @@ class Scheduler:
             if not (waited := self._pass(due_ns)):
                 self._look()
             began_ns = self.clock.now_ns()
-            beside.take()  # first of all: what waits there may be what a monitor misses
+            beside.take()  # first of all: its pending rows may be what a monitor misses
             self.monitoring.bus.note(beside.what, began_ns, self.clock.now_ns())
             if not waited:
                 self.monitoring.run(self.clock.now_ns(), self.timeline)
@@ -330,17 +329,17 @@ class Scheduler:
         if now - self._ticked >= _TICK_S:
             self._ticked = now
             self._reports.tick()
-            self._see_time_pass(now)
+            self._limit_standstill(now)
         try:
             self._end_if_due()
         except (Stopped, Tripped, CaseTimeout) as ending:
             self._refuse(ending)
             raise
 
-    def _see_time_pass(self, now: float) -> None:
-        """Let seconds of the wall count where bench time stands still: it would let a case go on for ever.
+    def _limit_standstill(self, now: float) -> None:
+        """Count wall time while bench time stands still, which would let a case go on for ever.
 
-        It is allowed to stand while a person is asked, and while the bench is held.
+        It may stand still while a person is asked, and while the bench is held.
         """
         at_ns = self.clock.now_ns()
         if self.deadline_ns is None or at_ns != self._stood_at_ns:
@@ -363,9 +362,9 @@ class Scheduler:
             raise CaseTimeout(self.overdue)
 
     def _refuse(self, ending: BaseException) -> None:
-        """Make safe what the case is not to drive any more, before it learns why; end a run that it does not let end.
+        """Make safe what the case may no longer drive, before it learns why; end the run if the case will not end.
 
-        A case that is stopped for the first time still has the time of its own teardown.
+        A case stopped for the first time still gets the time of its own teardown.
         """
         self.refused += 1
         patient = isinstance(ending, Stopped) and not self.flags.urgent

@@ -1,4 +1,4 @@
-"""Who may use the bus when: readings of the envelope between the samples of a recording, and what disturbed one."""
+"""Bus arbitration: envelope readings between the samples of a recording, and what disturbed them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["ENOUGH", "Bus", "Course", "Pace", "Share", "refusal"]
 
 _REMEMBERED = 256
 ENOUGH = 3
-"""So many samples are seen before one is called too slow: a computer may stall in a single one."""
+"""Samples observed before a recording may be called too slow: the computer may stall during a single one."""
 
 _NO_GAP = 2**62
 _SLOWEST_NS = 1000 * NANOSECONDS
@@ -26,16 +26,16 @@ _HALVINGS = 20
 
 @dataclass(frozen=True, slots=True)
 class Pace:
-    """How a recording samples.
+    """Sampling pace of a recording.
 
     Attributes:
         name: of the recording.
-        period_ns: from sample to sample.
-        sample_ns: how long a sample takes.
-        count: how many samples there are, None where the case ends the recording.
+        period_ns: the sampling period.
+        sample_ns: the duration of a sample.
+        count: the number of samples, None if the case ends the recording.
         gap_ns: the longest gap that a requirement allows, None if none does.
-        required: whether a requirement asks for it; one that nobody asks for gives way to every reading that is late.
-        skips: whether a sample that cannot be taken before the next one is due is left out, and not taken late.
+        required: whether a requirement asks for it; if not, it gives way to every late reading.
+        skips: whether a sample that cannot be taken before the next one is due is skipped rather than taken late.
     """
 
     name: str
@@ -48,7 +48,7 @@ class Pace:
 
     @property
     def pause_ns(self) -> int:
-        """The time between two samples in which the bus is free; not above zero if there is none."""
+        """Time between two samples in which the bus is free; zero or negative if there is none."""
         return self.period_ns - self.sample_ns
 
     @property
@@ -57,11 +57,11 @@ class Pace:
         return _NO_GAP if self.count is None else (self.count - 1) * self.period_ns
 
     def behind(self, late_ns: int) -> int:
-        """Return how many samples it takes until one is on time again after one that is so late."""
+        """Return how many samples it takes to be on time again after one that is this late."""
         return 0 if late_ns <= 0 else -(-late_ns // self.pause_ns)
 
     def busy_ns(self, rooms_ns: Sequence[int]) -> int:
-        """Return within which time each of these readings finds its place once, and no sample is late after that."""
+        """Return the time in which each of these readings fits once, and after which no sample is late."""
         fitting = sum(room for room in rooms_ns if room <= self.pause_ns)
         pauses = -(-fitting // self.pause_ns)
         among = 2 * fitting + self.sample_ns if pauses <= 1 else pauses * self.period_ns + fitting
@@ -70,7 +70,7 @@ class Pace:
 
 
 def refusal(pace: Pace, monitors: Sequence[Monitor]) -> str:
-    """Return why rate, gap and maximum ages cannot all hold in a recording, and what rate would; empty if they can.
+    """Return why a recording cannot meet rate, gap and maximum ages, and what rate could be met; empty if it can.
 
     See `_problem`.
     """
@@ -81,7 +81,7 @@ def refusal(pace: Pace, monitors: Sequence[Monitor]) -> str:
 
 
 def _rate_that_holds(pace: Pace, monitors: Sequence[Monitor]) -> float:
-    """Return the highest rate in Hz at which a recording as long would not be refused, 0 if there is none."""
+    """Return the highest rate in Hz at which a recording of this duration is not refused, 0 if there is none."""
     longest_ns = min(pace.gap_ns or _NO_GAP, max(pace.lasts_ns, pace.period_ns), _SLOWEST_NS)
 
     def holds(period_ns: int) -> bool:
@@ -100,16 +100,16 @@ def _rate_that_holds(pace: Pace, monitors: Sequence[Monitor]) -> float:
 
 
 def _rounded_down(rate: float) -> str:
-    """Return a rate with three digits, none of them rounded up."""
+    """Return a rate rounded down to three digits."""
     digit = 10.0 ** (math.floor(math.log10(rate)) - 2)
     return f"{math.floor(rate / digit * (1 + 1e-12)) * digit:.3g}"
 
 
 def _problem(pace: Pace, monitors: Sequence[Monitor]) -> str:
-    """Return why rate, gap and maximum ages cannot all hold in a recording, with the figures; empty if they can.
+    """Return why a recording cannot meet rate, gap and maximum ages together, with figures; empty if it can.
 
-    Every figure is the best of at least three that were seen: the shortest sample, the shortest reading. A recording
-    that begins is read around, so that only limits count whose last reading would become too old before its end.
+    Every figure is the best of at least three observed: the shortest sample, the shortest reading. Limits are read just
+    before a recording begins, so that only those count whose last reading would become too old before its end.
 
     Args:
         pace: of the recording.
@@ -150,19 +150,19 @@ def _problem(pace: Pace, monitors: Sequence[Monitor]) -> str:
 
 
 class Share:
-    """What a recording that is being taken leaves of the bus to the monitors.
+    """Share of the bus that a recording in progress leaves to the monitors.
 
-    A reading that fits between two samples takes its place there. A longer one is taken where the gap stays short
-    enough and the samples are on time again before the last one; the maximum age goes before all of that.
+    A reading that fits between two samples is taken there. A longer one is taken where the gap stays short enough and
+    the samples are on time again before the last one; the maximum age takes precedence over all of that.
 
     Args:
-        pace: how it samples.
+        pace: its sampling pace.
         start_ns: when the first sample is due.
         monitors: those that its rows do not feed.
 
     Attributes:
-        pace: as given, and from the first sample on with the time that one takes, if that was not known.
-        known: whether it was.
+        pace: as given; if the duration of a sample was unknown, it is set by the first one.
+        known: whether the duration of a sample is known.
     """
 
     def __init__(self, pace: Pace, start_ns: int, monitors: Sequence[Monitor]) -> None:
@@ -173,11 +173,11 @@ class Share:
 
     @property
     def lead_ns(self) -> int:
-        """How much sooner than it has to be a reading is taken, so that all of them find a place."""
+        """How much earlier than necessary readings are taken, so that all of them fit."""
         return self.pace.busy_ns([each.room_ns for each in self._monitors]) if self.pace.pause_ns > 0 else 0
 
     def restart(self, start_ns: int) -> None:
-        """Count from a first sample that is due at this instant."""
+        """Restart the count with a first sample due at this instant."""
         self._start_ns = self._last_ns = start_ns
         self._next = 0
         self._end_ns = start_ns + self.pace.lasts_ns
@@ -189,12 +189,12 @@ class Share:
             self.pace, self.known = replace(self.pace, sample_ns=ended_ns - began_ns), True
 
     def before(self, monitor: Monitor) -> bool:
-        """Return whether a limit is to be read before the first sample: between two it would find no room in time."""
+        """Return whether a limit must be read before the first sample: there is no room in time between samples."""
         wanted_ns = max(monitor.room_ns, sum(each.room_ns for each in self._monitors))
         return wanted_ns > self.pace.pause_ns and monitor.overdue_ns < self._end_ns
 
     def fits_early(self, monitor: Monitor, until_ns: int) -> bool:
-        """Return whether a reading for which there is room now may find none later."""
+        """Return whether a reading that fits now may not fit later."""
         return monitor.latest_ns <= until_ns + self.lead_ns
 
     def admits(self, monitor: Monitor, now_ns: int) -> bool:
@@ -217,11 +217,11 @@ class Share:
 
 
 class Bus:
-    """What the executive uses a bench's instruments for beside the case, and which recordings share them.
+    """Use of a bench's instruments beside the case, and the recordings that share them.
 
     Attributes:
-        shares: those of the recordings that are being taken.
-        looks_ahead: whether there may be room for a monitor that is not due, though no recording is being taken.
+        shares: the shares of the recordings in progress.
+        looks_ahead: whether there may be room for a monitor that is not due, although no recording is in progress.
     """
 
     looks_ahead: ClassVar[bool] = False
@@ -232,17 +232,17 @@ class Bus:
         self._lasts_ns: dict[str, tuple[int, int]] = {}
 
     def leave(self, share: Share) -> None:
-        """Share no more with a recording that has ended; it may be told again."""
+        """End sharing with a recording that has ended; a second call is harmless."""
         if share in self.shares:
             self.shares.remove(share)
 
     def note(self, what: str, began_ns: int, ended_ns: int) -> None:
-        """Note what took time."""
+        """Note a use of the bus."""
         if ended_ns > began_ns:
             self._uses.append((began_ns, ended_ns, what))
 
     def between(self, began_ns: int, ended_ns: int) -> str:
-        """Return what took the most time between two instants, empty if nothing did that is known."""
+        """Return what took the most time between two instants, empty if nothing is known to."""
         taken: dict[str, int] = {}
         for began, ended, what in self._uses:
             if (common := min(ended, ended_ns) - max(began, began_ns)) > 0:
@@ -250,21 +250,21 @@ class Bus:
         return max(taken, key=lambda what: taken[what], default="")
 
     def sample_ns(self, source: str) -> int:
-        """Return how long a sample of these roles took at least, 0 if none was taken yet."""
+        """Return the shortest duration of a sample of these roles so far, 0 if none was taken yet."""
         return self._lasts_ns.get(source, (0, 0))[0]
 
     def proven_ns(self, source: str) -> int:
-        """Return the same where enough samples were seen to refuse a recording for it, else 0."""
+        """Return the same if enough samples were observed to refuse a recording for it, otherwise 0."""
         lasts_ns, seen = self._lasts_ns.get(source, (0, 0))
         return lasts_ns if seen >= ENOUGH else 0
 
     def sampled(self, source: str, lasted_ns: int) -> None:
-        """Note how long a sample of these roles took."""
+        """Note the duration of a sample of these roles."""
         lasts_ns, seen = self._lasts_ns.get(source, (lasted_ns, 0))
         self._lasts_ns[source] = min(lasted_ns, lasts_ns), seen + 1
 
     def room(self, monitor: Monitor, now_ns: int, until_ns: int) -> bool:
-        """Return whether a monitor takes its turn now, in a wait until `until_ns`; at that instant nothing waits."""
+        """Return whether a monitor takes its turn now, in a wait until `until_ns`, or outside waits if that is now."""
         due = now_ns >= monitor.due_ns
         if not (due or self.shares):
             return False
@@ -277,19 +277,19 @@ class Bus:
 
     @property
     def lead_ns(self) -> int:
-        """How much sooner than they are due monitors may take their turns."""
+        """How much earlier than due monitors may take their turns."""
         return max([each.lead_ns for each in self.shares]) if self.shares else 0
 
 
 class Course:
-    """How the sampling of a recording went: how long samples took, and what came between them.
+    """Course of a recording's sampling: the durations of samples, and what came between them.
 
     Args:
-        bus: knows what else used it, and is told how long samples take.
-        source: the roles that are sampled.
-        period_ns: from sample to sample.
-        otherwise: what it was if nothing of that did.
-        skips: whether a sample that cannot be taken in time is left out, and not taken late.
+        bus: knows what else used it, and notes the durations of samples.
+        source: the sampled roles.
+        period_ns: the sampling period.
+        otherwise: the cause to report if the bus knows none.
+        skips: whether a sample that cannot be taken in time is skipped rather than taken late.
     """
 
     def __init__(self, bus: Bus, source: str, period_ns: int, otherwise: str, *, skips: bool = False) -> None:
@@ -304,7 +304,7 @@ class Course:
         self._ended_ns: int | None = None
 
     def sampled(self, index: int, due_ns: int, began_ns: int, ended_ns: int) -> None:
-        """Note a sample: when it was due, when it was asked for, and when it had come."""
+        """Note a sample: when it was due, when it was requested, and when it arrived."""
         before_ns = due_ns if self._ended_ns is None else self._ended_ns
         late_ns = began_ns - max(due_ns, before_ns)
         if late_ns > self._worst[0]:
@@ -316,16 +316,16 @@ class Course:
         self._ended_ns = ended_ns
 
     def begin_again(self, now_ns: int) -> None:
-        """Count from now: the run was stopped, and that disturbed nothing that is judged."""
+        """Restart the count: the run was stopped, which does not count as a disturbance."""
         self._ended_ns = now_ns
 
     def undisturbed_ns(self, *, own: bool) -> int:
-        """Return the time from sample to sample without what came between, and without single ones that took long.
+        """Return the sampling interval without other uses of the bus, and without single slow samples.
 
-        Every sample is stamped when it has come, so that what each of them takes drops out, unless it is too long.
+        Every sample is stamped on arrival, so that the usual latency cancels out, unless it is too long.
 
         Args:
-            own: whether the time that a sample usually takes counts: it is that of the device under test.
+            own: whether the usual latency counts, because it is that of the device under test.
         """
         usual_ns = self._usual_ns if own else 0
         if self._skips:
@@ -334,11 +334,11 @@ class Course:
 
     @property
     def cause(self) -> str:
-        """What disturbed it most, in a sentence without a full stop; empty if nothing did."""
+        """The largest disturbance, in a sentence without a full stop; empty if there was none."""
         usual_ns, (longest_ns, index) = self._usual_ns, self._longest
         if longest_ns - usual_ns > self._worst[0]:
-            told = f"sample {1 - index} took {_ms(longest_ns)}, where {_ms(usual_ns)} are usual"
-            return f"{told}: the instrument, its line or the computer was held up"
+            slow = f"sample {1 - index} took {_ms(longest_ns)}, where {_ms(usual_ns)} are usual"
+            return f"{slow}: the instrument, its line or the computer was held up"
         if self._worst[1]:
             return self._worst[1]
         return f"a sample took {_ms(usual_ns)}, and one was due every {_ms(self._period_ns)}" if usual_ns else ""

@@ -1,4 +1,4 @@
-"""When things happen that no case asks for: by the bench's own clock, or where a record has them."""
+"""Timelines: when things happen that no case asks for, by the bench's own clock or as in a record."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ __all__ = [
 
 _BENCH = "bench"
 _BEHIND_NS = 50_000_000
-"""Up to this, what a case computes between its calls is not told."""
+"""Computation time between a case's calls up to which bench time does not catch up."""
 
 
 class Course(Protocol):
@@ -40,13 +40,13 @@ class Course(Protocol):
 
 
 class Timeline(Protocol):
-    """Decides when monitors take turns, time moves on by itself, a hold begins, and which gates a machine has.
+    """Decides when monitors take turns, time advances by itself, and a hold begins, and which gates a machine has.
 
     Attributes:
         rows_wait: whether rows of streams wait as long as the limits that they feed allow.
-        rows_together: whether rows that may wait are fetched where limits take their turns.
-        shared: whether recordings share the bus by plan, and what disturbed one is not held against the article.
-        all_share: whether those beside a case do, too, rows of sampled roles feed limits, and the first arming looks
+        rows_together: whether waiting rows are fetched when limits take their turns.
+        shared: whether recordings share the bus by plan, and a disturbance is not held against the article.
+        all_share: whether those beside a case do, too, rows of sampled roles feed limits, and the first arming checks
             whether there is room.
     """
 
@@ -57,7 +57,7 @@ class Timeline(Protocol):
 
     @property
     def retraces(self) -> bool:
-        """Whether what happens now is written down already."""
+        """Whether what happens now is already on record."""
         ...
 
     def come(self) -> None:
@@ -65,23 +65,23 @@ class Timeline(Protocol):
         ...
 
     def marks(self) -> Iterator[HilError | None]:
-        """Yield each point between two calls at which the record caught up, and errors of the case there."""
+        """Yield, for each point between two calls at which the record caught up, the case's error there, if any."""
         ...
 
     def look(self) -> Timeline:
-        """Return the timeline that holds from this scheduling point on."""
+        """Return the timeline that applies from this scheduling point on."""
         ...
 
     def distress(self) -> Distress | None:
-        """Return why the bench cannot be driven any more, or in a replay could not be then; None while it can."""
+        """Return why the bench can no longer be driven, or in a replay could not be then; None while it can."""
         ...
 
     def busy(self, seconds: float) -> HilError | None:
-        """Return the error of a case whose own code ran for so many seconds of the wall, None if that is allowed."""
+        """Return the error of a case whose own code ran for this many wall-clock seconds, None if that is allowed."""
         ...
 
     def due(self, monitors: Sequence[Monitor], until_ns: int, name: str, bus: Bus) -> Iterator[Monitor]:
-        """Yield the monitors that take a turn before `until_ns`; the turn is taken before the next one is asked for."""
+        """Yield the monitors that take a turn before `until_ns`; each is taken before the next one is requested."""
         ...
 
     def soonest_ns(self, monitors: Sequence[Monitor]) -> int:
@@ -93,19 +93,19 @@ class Timeline(Protocol):
         ...
 
     def look_up_ns(self, when_ns: int, monitors: Sequence[Monitor]) -> int:
-        """Return when a wait until `when_ns` has to look up for a turn."""
+        """Return when a wait until `when_ns` must pause for a turn."""
         ...
 
     def longest_ns(self, when_ns: int) -> int:
-        """Return until when a wait until `when_ns` may last before somebody has to look after the bench."""
+        """Return until when a wait until `when_ns` may last before the bench needs attention."""
         ...
 
     def holds(self, name: str) -> bool:
-        """Return whether this mark of a hold comes next in what has to be retraced."""
+        """Return whether this mark of a hold is next in the record to retrace."""
         ...
 
     def mark_hold(self, name: str) -> None:
-        """Come to a mark of a hold, and note it."""
+        """Pass a mark of a hold, and note it."""
         ...
 
     def host_gates(self, arming: int, freshness: Freshness) -> Iterator[tuple[Gate, bool]]:
@@ -113,12 +113,12 @@ class Timeline(Protocol):
         ...
 
     def skip(self, operations: int) -> None:
-        """Pass over the record up to that number of operations: they are void."""
+        """Skip the record up to that number of operations: they are void."""
         ...
 
 
 class OnBench:
-    """The timeline of a bench that lives in this process: its clock says whose turn is when.
+    """The timeline of a bench in this process: its clock decides the turns.
 
     Args:
         bench: the bench.
@@ -134,7 +134,7 @@ class OnBench:
 
     @property
     def retraces(self) -> bool:
-        """Whether a resumed run that is made again from its first step has operations to come to."""
+        """Whether a resumed run that is re-executed from its first step has operations left to retrace."""
         return self._bench.transcript.comes_again
 
     def come(self) -> None:
@@ -145,7 +145,7 @@ class OnBench:
         return iter(())
 
     def look(self) -> Timeline:
-        """Return this one: a bench that is there runs on by itself."""
+        """Return this one: an existing bench continues by itself."""
         return self
 
     def distress(self) -> Distress | None:
@@ -158,11 +158,11 @@ class OnBench:
         return None
 
     def due(self, monitors: Sequence[Monitor], until_ns: int, name: str, bus: Bus) -> Iterator[Monitor]:
-        """Yield those that have room before `until_ns`, and those that are overdue, as far as recordings admit them."""
+        """Yield the monitors with room before `until_ns`, and overdue ones, as far as recordings admit them."""
         del name
         now_ns = self._clock.now_ns()
         for monitor in monitors:
-            waits = now_ns < monitor.due_ns and not (bus.shares or bus.looks_ahead)  # as most do
+            waits = now_ns < monitor.due_ns and not (bus.shares or bus.looks_ahead)  # like most
             if not waits and bus.room(monitor, now_ns, until_ns):
                 yield monitor
                 now_ns = self._clock.now_ns()  # its reading took time
@@ -176,7 +176,7 @@ class OnBench:
         return min([each.overdue_ns if each.room_ns else each.due_ns for each in monitors], default=0)
 
     def look_up_ns(self, when_ns: int, monitors: Sequence[Monitor]) -> int:
-        """Return when the next one is due that has room before `when_ns`: now, if that passed during a reading."""
+        """Return when the next one with room before `when_ns` is due: now, if that passed during a reading."""
         now_ns = self._clock.now_ns()
         near = [monitor for monitor in monitors if monitor.due_ns <= when_ns]
         turns = [(max(now_ns, monitor.due_ns), monitor.room_ns) for monitor in near]
@@ -204,16 +204,16 @@ class OnBench:
 
 
 class OnLiveBench(OnBench):
-    """The timeline of a bench outside this process, whose clock stands between operations.
+    """The timeline of a bench outside this process, whose clock stands still between operations.
 
-    Where somebody is asked, or a case computes, bench time must keep running, for monitors and turns. In the
-    transcript that stands with the number of events before it, so that a replay comes there between the same two.
+    While a person is asked, or a case computes, bench time must catch up, for monitors and turns. The transcript
+    marks that with the number of events before it, so that a replay does so between the same two events.
 
     Args:
         bench: the bench.
         clock: its clock.
         machine: the machine that drives it.
-        events: tell how many of them there are.
+        events: know their number.
     """
 
     def __init__(self, bench: BoundBench, clock: LiveClock, machine: Machine, events: Course) -> None:
@@ -229,18 +229,18 @@ class OnLiveBench(OnBench):
             self._bench.transcript.note(_BENCH, CLOCK, began_ns, live.look(), sent=sent)
 
     def distress(self) -> Distress | None:
-        """Return why the machine cannot drive the bench any more, None while it can.
+        """Return why the machine can no longer drive the bench, None while it can.
 
-        What trips the bench for good does so in a replay, too. What the run can be resumed from is not replayed.
+        What trips the bench for good does so in a replay, too. A loss that leaves the run resumable is not replayed.
         """
         if (found := self._machine.distress()) and not found.what:
             _note(self._bench, DISTRESS, f"{self._events.course} {found.text}".encode())
         return found
 
     def busy(self, seconds: float) -> HilError | None:
-        """Note how long a case's own code let nobody look after the bench, and return that error; see `Timeline`.
+        """Note how long a case's own code left the bench unattended, and return that error; see `Timeline`.
 
-        It is an error of the case in a replay, too, which may compute faster.
+        It is an error of the case in a replay, too, even if that computes faster.
         """
         if seconds <= LONGEST_TRANSACTION:
             return None
@@ -249,19 +249,19 @@ class OnLiveBench(OnBench):
         return _held_up(told)
 
     def longest_ns(self, when_ns: int) -> int:
-        """Return the end of the time slice after which the clock looks up."""
+        """Return the end of the present time slice of the clock."""
         return min(when_ns, self._live.soon_ns()) if self._live.began else when_ns
 
 
 class OnRecord:
-    """The timeline of a record: everything happens where the transcript has it.
+    """The timeline of a record: everything happens as in the transcript.
 
     Args:
         bench: the bench.
         playback: the record that answers for it.
         after: the timeline of the bench, once it continues by itself.
-        events: tell how many of them there are.
-        not_opened: the gate of the host that ended an arming, by arming: nobody asks people or machine again.
+        events: know their number.
+        not_opened: the host gate that ended an arming, by arming: people and machine are not asked again.
     """
 
     def __init__(
@@ -291,7 +291,7 @@ class OnRecord:
         """Do nothing: the marks of the record show where it caught up with its present."""
 
     def marks(self) -> Iterator[HilError | None]:
-        """Yield what the record holds between the last event and the next one; see `Timeline`."""
+        """Yield what the record has between the last event and the next one; see `Timeline`."""
         while True:
             while told := self._mark(BUSY):
                 yield _held_up(told.decode())
@@ -300,22 +300,22 @@ class OnRecord:
             yield None
 
     def look(self) -> Timeline:
-        """Let the bench continue from here, if the record ends here; return its timeline then."""
+        """Let the bench continue from here if the record ends here; return the timeline that then applies."""
         self._playback.hand_over_if_due()
         return self._after if self._bench.playback is None else self
 
     def distress(self) -> Distress | None:
-        """Return why the bench could not be driven any more then."""
+        """Return why the bench could no longer be driven then."""
         text = self._mark(DISTRESS).decode()
         return Distress(text) if text else None
 
     def busy(self, seconds: float) -> HilError | None:
-        """Return None: the marks of the record tell what the case took then."""
+        """Return None: the marks of the record show how long the case took then."""
         del seconds
         return None
 
     def due(self, monitors: Sequence[Monitor], until_ns: int, name: str, bus: Bus) -> Iterator[Monitor]:
-        """Yield those that the record holds here; those of a later wait are left for that one."""
+        """Yield the monitors that the record has here; those of a later wait are left for that one."""
         del bus
         clock = self._bench.clock
         while limit := self._playback.take_monitor(max(until_ns - 1, clock.now_ns()), name):
@@ -329,16 +329,16 @@ class OnRecord:
     quiet_ns = soonest_ns
 
     def look_up_ns(self, when_ns: int, monitors: Sequence[Monitor]) -> int:
-        """Return where the record has the wait end or stay."""
+        """Return where the wait ends, or pauses, in the record."""
         del monitors
         return self._playback.look_up_ns(when_ns)
 
     def longest_ns(self, when_ns: int) -> int:
-        """Return `when_ns`: nobody has to look after a record."""
+        """Return `when_ns`: a record needs no attention."""
         return when_ns
 
     def holds(self, name: str) -> bool:
-        """Return whether the record has this mark next."""
+        """Return whether this mark is next in the record."""
         return self._playback.comes(name, self._bench.clock.now_ns())
 
     def mark_hold(self, name: str) -> None:
@@ -347,17 +347,17 @@ class OnRecord:
         _note(self._bench, name)
 
     def host_gates(self, arming: int, freshness: Freshness) -> Iterator[tuple[Gate, bool]]:
-        """Yield the gate that ended this arming in the record, if one did; it is written down already."""
+        """Yield the gate that ended this arming in the record, if one did; it is on record already."""
         del freshness
         if gate := self._not_opened.get(arming):
             yield gate, False
 
     def skip(self, operations: int) -> None:
-        """Pass over the record up to that number of operations."""
+        """Skip the record up to that number of operations."""
         self._playback.skip(operations)
 
     def _mark(self, name: str) -> bytes:
-        """Take a mark that the record holds between the last event and the next one; return its contents."""
+        """Take a mark that the record has between the last event and the next one; return its content."""
         found = self._playback.next_if(name)
         if found is None:
             return b""
@@ -373,12 +373,12 @@ class OnRecord:
 def timeline_of(
     bench: BoundBench, machine: Machine, events: Course, not_opened: Mapping[int, Gate] = MappingProxyType({})
 ) -> Timeline:
-    """Return the timeline of a bench: on its record, if one answers for it, else on its own clock.
+    """Return the timeline of a bench: of its record, if one answers for it, otherwise of its own clock.
 
     Args:
         bench: the bench.
         machine: the machine that drives it.
-        events: tell how many of them there are.
+        events: know their number.
         not_opened: see `OnRecord`.
     """
     own = OnBench(bench, machine) if bench.live is None else OnLiveBench(bench, bench.live, machine, events)
