@@ -230,7 +230,7 @@ def refuse_latched(leases: Sequence[str], folder: Path | None = None) -> None:
 
     Args:
         leases: what the run or visit holds alone.
-        folder: where latches are, those of this machine where None.
+        folder: the folder of latches; by default this machine's.
 
     Raises:
         Refused: with who latched it, when, why, and which outputs it is about.
@@ -254,7 +254,7 @@ def latch_bench(leases: Sequence[str], latch: Latch, folder: Path | None = None,
     Args:
         leases: what the run holds alone.
         latch: what is written down.
-        folder: where latches are, those of this machine where None.
+        folder: the folder of latches; by default this machine's.
         alone: whether only this user and root can remove the latches.
 
     Raises:
@@ -288,7 +288,7 @@ def latch_unsafe_end(
         bench: the bench's name.
         run: the run's folder.
         why: what was not safe.
-        folder: where latches are, those of this machine where None.
+        folder: the folder of latches; by default this machine's.
         alone: whether only this user and root can remove the latches.
 
     Raises:

@@ -39,7 +39,7 @@ class Uart:
 
 
 def uart_at(device: str, terminals: Path = _TERMINALS) -> Uart | None:
-    """Return the UART at a device file; None where there is none, or it belongs to a USB device.
+    """Return the UART at a device file; None if there is none, or it belongs to a USB device.
 
     Args:
         device: path of the device file, links followed.

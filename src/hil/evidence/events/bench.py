@@ -49,13 +49,13 @@ class HostGate(Gate, frozen=True, kw_only=True):
     """A condition of readiness that people, the machine or the guardian must meet.
 
     Attributes:
-        name: as of `gate`.
-        ok: as of `gate`.
-        detail: as of `gate`.
-        instrument: as of `gate`.
-        unproven: as of `gate`.
-        source: as of `gate`.
-        exception: as of `gate`.
+        name: as in `gate`.
+        ok: as in `gate`.
+        detail: as in `gate`.
+        instrument: as in `gate`.
+        unproven: as in `gate`.
+        source: as in `gate`.
+        exception: as in `gate`.
     """
 
     origin: ClassVar[Origin] = Origin.OUTSIDE

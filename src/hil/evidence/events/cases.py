@@ -98,8 +98,8 @@ class StepEnd(Event, frozen=True, kw_only=True):
 
     Attributes:
         case: its case.
-        path: as of its `step`.
-        number: as of its `step`.
+        path: as in its `step`.
+        number: as in its `step`.
         outcome: `done`, or `raised` if an exception left it.
         duration: bench time in s that it took.
     """

@@ -19,7 +19,7 @@ _TERMINALS = Path("/sys/class/tty")
 
 
 def identity_of(what: int | str, system: Path = _SYSTEM) -> Identity | None:
-    """Return vendor, product and serial number of the USB device behind a terminal; None where there is none.
+    """Return vendor, product and serial number of the USB device behind a terminal; None if there is none.
 
     A device without a serial number is identified by its USB socket. For an adapter with several ports, interface
     and port number are part of the identity.
