@@ -86,7 +86,7 @@ ACKNOWLEDGE_WITHIN = click.option(
     type=Within(min=0, min_open=True, max=24 * 60),
     default=10.0,
     metavar="MINUTES",
-    help="How long the person on call has to answer the first notification; 10 by default.",
+    help="Time for the person on call to acknowledge the first notification; 10 by default.",
 )
 
 
@@ -117,13 +117,15 @@ def _known_unit(context: click.Context, option: click.Parameter, value: str | No
 
 def plot_option(drawn: str) -> Callable[[_Command], _Command]:
     """Return an option that takes the file into which something is drawn; `drawn` is an object, as in "the fits"."""
-    return click.option("--plot", type=click.Path(path_type=Path), metavar="FILE", help=f"Draw {drawn}: .svg or .png.")
+    return click.option("--plot", type=click.Path(path_type=Path), metavar="FILE", help=f"Plot {drawn}: .svg or .png.")
 
 
 def attendance_options(command: _Command) -> _Command:
     """Give a command `--unattended`, `--on-call` and `--acknowledge-within`, the last in min."""
     options = (
-        click.option("--unattended", is_flag=True, help="Nobody attends the run; the bench must allow that."),
+        click.option(
+            "--unattended", is_flag=True, help="Run without an operator in attendance; the bench must allow it."
+        ),
         name_option("--on-call", help="Whom to call if something happens during an unattended run."),
         ACKNOWLEDGE_WITHIN,
     )
@@ -150,7 +152,7 @@ def deviation_options(command: _Command) -> _Command:
     """Give a command `--only`, `--skip`, `--reason` and `--parameter`: `only`, `skips`, `reasons`, `overrides`."""
     options = (
         click.option("--only", multiple=True, metavar="CASE", help="Run only this case; the run then deviates."),
-        click.option("--skip", "skips", multiple=True, metavar="CASE", help="Skip a case; give its --reason as well."),
+        click.option("--skip", "skips", multiple=True, metavar="CASE", help="Skip this case; needs a --reason."),
         click.option("--reason", "reasons", multiple=True, metavar="TEXT", help="Why the case is skipped."),
         click.option(
             "--parameter",

@@ -28,7 +28,7 @@ __all__ = ["allan"]
     type=click.Choice(["overlapping", "nonoverlapping", "modified", "time", "hadamard", "total"]),
     default="overlapping",
     show_default=True,
-    help="Which deviation the table and the plot show.",
+    help="Deviation shown in table and plot.",
 )
 @click.option(
     "--taus",
@@ -44,7 +44,7 @@ __all__ = ["allan"]
     type=click.Choice(["fit", "nearest-slope"]),
     default="fit",
     show_default=True,
-    help="Where coefficients come from; nearest-slope adds the legacy read-out, for comparison with old tables.",
+    help="How coefficients are found; nearest-slope adds the legacy read-out, for comparison with old tables.",
 )
 @CONFIDENCE
 @plot_option("the deviations")
@@ -63,11 +63,11 @@ def allan(  # noqa: PLR0913 - one argument per option
 ) -> int:
     """Compute Allan deviation and noise coefficients of the rates in FILE, recorded at rest.
 
-    FILE is a text table with or without a header. For every chosen column: a deviation of the Allan
-    family with its confidence interval, and quantisation, white noise (angle random walk), flicker
-    (bias instability), random walk of the rate and ramp with their uncertainties, which always come
-    from the overlapping Allan deviation. Missing samples are left out of the overlapping one. Gates check times
-    and samples first: if one trips, the figures of its column are inconclusive, and the exit code is 1.
+    FILE is a text table with or without a header. Each chosen column gets a deviation of the Allan family with its
+    confidence interval, and the coefficients with their uncertainties: quantisation, angle random walk (white noise),
+    bias instability (flicker), rate random walk and rate ramp. Coefficients always come from the overlapping Allan
+    deviation, which leaves missing samples out. Gates check times and samples first: if one trips, the figures of its
+    column are inconclusive, and the exit code is 1.
 
     \b
     Examples:

@@ -33,33 +33,43 @@ _UPPER, _LOWER, _CUT_OFF = 4.2, 2.7, 0.05  # V, V, A
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option(
     "--format", "form", type=click.Choice(["auto", "novonix", "cycler", "table"]), default="auto", show_default=True,
-    help="Who wrote the log.",
+    help="Format of the log.",
 )  # fmt: skip
-@click.option("--mapping", type=click.Path(path_type=Path), metavar="YAML", help="How the logs of this make are read.")
+@click.option(
+    "--mapping", type=click.Path(path_type=Path), metavar="YAML", help="Mapping file: what the columns of a table hold."
+)
 @click.option("--time", metavar="COLUMN", help="Column of the time since the test began, in a table.")
 @time_unit_option
 @click.option("--voltage", metavar="COLUMN", help="Column of the voltage, in a table.")
-@click.option("--voltage-unit", type=click.Choice(["V", "mV"]), help="V, unless the column's name says another.")
+@click.option(
+    "--voltage-unit",
+    type=click.Choice(["V", "mV"]),
+    help="Unit of the voltage; V, unless the column's name says otherwise.",
+)
 @click.option("--current", metavar="COLUMN", help="Column of the current, in a table.")
-@click.option("--current-unit", type=click.Choice(["A", "mA", "uA"]), help="A, unless the column's name says another.")
+@click.option(
+    "--current-unit",
+    type=click.Choice(["A", "mA", "uA"]),
+    help="Unit of the current; A, unless the column's name says otherwise.",
+)
 @click.option("--temperature", metavar="COLUMN", help="Column of the temperature in degC, in a table.")
 @click.option("--cycle", metavar="COLUMN", help="Column of the cycle number, in a table.")
 @click.option(
     "--time-restarts",
     type=click.Choice(["step", "run"]),
-    help="The time starts over with each step, or with each run after an unknown time.",
+    help="Time restarts at zero with each step, or with each run after an unknown pause.",
 )
-@click.option("--discharge-positive", is_flag=True, help="The log counts discharge current as positive.")
+@click.option("--discharge-positive", is_flag=True, help="Discharge current is positive in the log.")
 @click.option(
-    "--interval", type=float, default=5.0, show_default=True, metavar="S", help="Between two rows of a cycler's log."
+    "--interval", type=float, default=5.0, show_default=True, metavar="S", help="Logging interval of a cycler."
 )
 @click.option("--upper", type=float, metavar="V", help="Voltage at which a charge ends; 4.2 by default.")
 @click.option("--lower", type=float, metavar="V", help="Voltage at which a discharge ends; 2.7 by default.")
-@click.option("--cut-off", type=float, metavar="A", help="Current that ends a charge; 0.05 by default.")
+@click.option("--cut-off", type=float, metavar="A", help="Current at which a charge ends; 0.05 by default.")
 @click.option(
-    "--current-gain", type=float, metavar="FRACTION", help="Bound of the current's gain error; 0.001 is 0.1 %."
+    "--current-gain", type=float, metavar="FRACTION", help="Bound on the gain error of the current; 0.001 is 0.1 %."
 )
-@click.option("--current-offset", type=float, metavar="A", help="Bound of the current's offset.")
+@click.option("--current-offset", type=float, metavar="A", help="Bound on the offset of the current.")
 @click.option("--capacity", type=float, metavar="AH", help="Nominal capacity.")
 @click.option("--energy", type=float, metavar="WH", help="Nominal energy.")
 @click.option(
@@ -67,16 +77,16 @@ _UPPER, _LOWER, _CUT_OFF = 4.2, 2.7, 0.05  # V, V, A
     default="3.4,3.95",
     show_default=True,
     metavar="V,V",
-    help="Range in which this chemistry's mean voltage lies.",
+    help="Range of mean voltages for this chemistry.",
 )
 @click.option(
     "--rest-current",
     type=float,
     metavar="A",
-    help="Below it the cell rests; default: 1 % of the largest usual current.",
+    help="Current below which the cell is at rest; by default 1 % of the largest usual current.",
 )
 @click.option(
-    "--counted", type=int, metavar="N", help="Cycles that somebody counted, checked against the elapsed time."
+    "--counted", type=int, metavar="N", help="Number of cycles counted by hand, checked against the elapsed time."
 )
 @click.option(
     "--skip", type=int, default=0, show_default=True, metavar="N", help="Leave the first N cycles out of the fade."
@@ -87,7 +97,7 @@ _UPPER, _LOWER, _CUT_OFF = 4.2, 2.7, 0.05  # V, V, A
     default=0.8,
     show_default=True,
     metavar="FRACTION",
-    help="Part of the capacity that is left at end of life.",
+    help="Fraction of the initial value at which life ends.",
 )
 @plot_option("the test")
 @JSON
@@ -108,9 +118,8 @@ def battery(  # noqa: PLR0913 - one argument per option
 ) -> int:
     """Compute capacity, energy, efficiency and fade of a cell from the log of its cycles in FILE.
 
-    Novonix files and terminal logs of a cycler (voltage;current;energy;temperature) are recognised; any
-    other table needs its columns named. Gates show what casts doubt on the numbers; if one trips, the exit
-    code is 1.
+    Novonix files and terminal logs of a cycler (voltage;current;energy;temperature) are detected; any other table
+    needs its columns named. Gates show what casts doubt on the numbers; if one trips, the exit code is 1.
 
     \b
     Examples:

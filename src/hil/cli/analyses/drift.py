@@ -43,15 +43,15 @@ _HARMLESS = frozenset({"aliased", "alike", "density", "steady"})  # of gates on 
     default=5.0,
     show_default=True,
     metavar="K",
-    help="Temperature change below which a fragment gives nothing per kelvin.",
+    help="Smallest temperature range over which a fragment gets figures per kelvin.",
 )
 @click.option(
     "--longest-gap",
     type=ABOVE_ZERO,
     metavar="S",
-    help="A longer gap ends a fragment; five intervals between samples by default.",
+    help="A longer gap ends a fragment; five sampling periods by default.",
 )
-@plot_option("values over temperature, heating and cooling apart")
+@plot_option("values over temperature, heating and cooling separately")
 @click.option(
     "--export", type=click.Path(path_type=Path), metavar="FILE", help="Write every fragment's figures as a CSV table."
 )
@@ -67,13 +67,13 @@ def drift(
     export: Path | None,
     as_json: bool,
 ) -> int:
-    """Compute drift over temperature, offset and hysteresis of the axes in FILE, recorded while it warms or cools.
+    """Compute temperature drift, offset and hysteresis of the axes in FILE, recorded while the sensor warms or cools.
 
-    FILE is a text table with a column of temperatures; name the axes with --columns. Where samples are missing the
-    log falls into fragments. Each fragment gives for every axis the slope over temperature of heating and cooling
-    together, the offset on that line, heating minus cooling at the same temperature, and the drift over time, each
-    with an uncertainty that includes slow noise; or the reason why it cannot. Gates check times and samples first:
-    if one trips, the figures of its axis are inconclusive, nothing is exported, and the exit code is 1.
+    FILE is a text table with a column of temperatures; name the axes with --columns. Gaps split the log into
+    fragments. Each fragment yields for every axis the slope over temperature of heating and cooling together, the
+    offset on that line, heating minus cooling at the same temperature, and the drift over time, each with an
+    uncertainty that includes slow noise; or the reason why it cannot. Gates check times and samples first: if one
+    trips, the figures of its axis are inconclusive, nothing is exported, and the exit code is 1.
 
     \b
     Example:

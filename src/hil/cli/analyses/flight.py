@@ -27,12 +27,21 @@ _STILL = 1.0  # deg/s: a bias of a small gyroscope drifts by less, and nothing t
 @partial(log_options, columns="Columns of the rates of x, y and z, by number or name.")
 @click.option("--field", metavar="A,B,C", help="Columns of the magnetometer, by number or name.")
 @unit_option("--field-unit", help="Unit of the magnetometer's numbers, such as uT or LSB.")
-@click.option("--field-full-scale", type=ABOVE_ZERO, metavar="VALUE", help="Largest reading of the magnetometer.")
+@click.option(
+    "--field-full-scale",
+    type=ABOVE_ZERO,
+    metavar="VALUE",
+    help="Full-scale reading of the magnetometer, of either sign.",
+)
 @click.option(
     "--still", type=ABOVE_ZERO, metavar="RATE", help="How far rates may be off the bias at rest; 1 deg/s by default."
 )
-@click.option("--window", type=ABOVE_ZERO, default=2.0, show_default=True, metavar="S", help="Length of a window.")
-@click.option("--shortest", type=ABOVE_ZERO, default=10.0, show_default=True, metavar="S", help="Shortest phase.")
+@click.option(
+    "--window", type=ABOVE_ZERO, default=2.0, show_default=True, metavar="S", help="Length of the analysis window."
+)
+@click.option(
+    "--shortest", type=ABOVE_ZERO, default=10.0, show_default=True, metavar="S", help="Shortest phase that is reported."
+)
 @plot_option("rates and field with the phases")
 @JSON
 def flight(  # noqa: PLR0913 - one argument per option
@@ -49,10 +58,10 @@ def flight(  # noqa: PLR0913 - one argument per option
 ) -> int:
     """Find when a gyroscope and a magnetometer were at rest and when they turned, from the log in FILE.
 
-    --columns names the rates of x, y and z, --field the magnetometer, which may have another rate: a row without a new
-    reading of a sensor holds an empty cell, nan, or its last reading. A phase at rest gives bias and white noise,
-    and has to pass all gates of a log at rest; a rotation shows whether rates and field turn equally far. If a gate
-    trips, it is named with its phase, and the exit code is 1.
+    --columns names the rates of x, y and z, --field the magnetometer, which may have another sampling rate: a row
+    without a new reading of a sensor holds an empty cell, nan, or the last reading. A phase at rest yields bias and
+    white noise, and must pass all gates for a log at rest; a rotation shows whether rates and field turn through the
+    same angle. A gate that trips is named with its phase, and the exit code is 1.
 
     \b
     Example:

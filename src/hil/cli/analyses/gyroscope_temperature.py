@@ -66,17 +66,21 @@ class _Columns:
     "--degree",
     type=click.IntRange(1, 3),
     metavar="N",
-    help="Degree of the polynomials, 1 to 3; by default the data choose it.",
+    help="Degree of the polynomials, 1 to 3; by default chosen from the data.",
 )
 @click.option(
-    "--rate-uncertainty", type=ZERO_OR_MORE, default=0.0, metavar="U", help="Relative uncertainty of the table's rates."
+    "--rate-uncertainty",
+    type=ZERO_OR_MORE,
+    default=0.0,
+    metavar="U",
+    help="Relative standard uncertainty of the table's rates.",
 )
 @click.option(
     "--margin",
     type=ZERO_OR_MORE,
     default=0.0,
     metavar="K",
-    help="How far beyond the measured temperatures it is valid.",
+    help="How far beyond the measured temperatures the calibration is valid.",
 )
 @plot_option("the fits")
 @export_options

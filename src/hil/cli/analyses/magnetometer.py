@@ -41,7 +41,7 @@ class _Recorded:
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("--columns", required=True, metavar="A,B,C", help="Columns of x, y and z, by number or name.")
 @unit_option("--unit", required=True, help="Unit of the numbers in the file, such as uT or LSB.")
-@click.option("--scale", type=FINITE, metavar="FACTOR", help="How many --scaled-unit one --unit is.")
+@click.option("--scale", type=FINITE, metavar="FACTOR", help="Factor from --unit to --scaled-unit.")
 @unit_option("--scaled-unit", help="Unit after scaling, such as uT.")
 @click.option(
     "--field", type=ABOVE_ZERO, metavar="VALUE", help="Known magnitude of the field, the same for all readings."
@@ -49,16 +49,18 @@ class _Recorded:
 @click.option("--field-column", metavar="COLUMN", help="Column of known magnitudes, by number or name.")
 @unit_option("--field-unit", help="Unit of the known magnitudes; that of the readings by default.")
 @click.option(
-    "--noise", type=ABOVE_ZERO, metavar="VALUE", help="Known noise along each axis, standard deviation, in --unit."
+    "--noise", type=ABOVE_ZERO, metavar="VALUE", help="Known noise of each axis, as a standard deviation in --unit."
 )
 @click.option(
-    "--temperature", metavar="COLUMN", help="Column of the sensor's temperature in degC: the bias may follow it."
+    "--temperature", metavar="COLUMN", help="Column of the sensor's temperature in degC; lets the bias depend on it."
 )
 @click.option(
-    "--method", type=click.Choice(_METHODS), help="The fit; likelihood with a known field, else ellipsoid by default."
+    "--method",
+    type=click.Choice(_METHODS),
+    help="Fitting method; by default likelihood with a known field, otherwise ellipsoid.",
 )
-@click.option("--shape", type=click.Choice(_SHAPES), help="What the matrix may be; by default the data choose it.")
-@click.option("--full-scale", type=ABOVE_ZERO, metavar="VALUE", help="Largest reading of either sign, in --unit.")
+@click.option("--shape", type=click.Choice(_SHAPES), help="Form of the matrix; by default chosen from the data.")
+@click.option("--full-scale", type=ABOVE_ZERO, metavar="VALUE", help="Full-scale reading of either sign, in --unit.")
 @plot_option("the residuals")
 @export_options
 @JSON
@@ -86,7 +88,7 @@ def magnetometer(  # noqa: PLR0913 - one argument per option
 
     Turn the sensor through as many attitudes as you can; they need not be known. If the magnitude of the field is
     known, give it as a number or as a column. The result is field = matrix * (measured - bias), with uncertainties,
-    outliers and the part of the sphere that the readings cover. If that is too little, or another gate trips,
+    outliers and the part of the sphere that the readings cover. If the coverage is too small, or another gate trips,
     nothing is exported, and the exit code is 1.
 
     \b

@@ -30,7 +30,7 @@ __all__ = ["photodiode"]
 @click.option("--load-column", metavar="COLUMN", help="Column of load resistances in ohm.")
 @click.option("--light", metavar="COLUMN", help="Column of a light monitor, in any unit.")
 @click.option("--reference", type=ABOVE_ZERO, metavar="V", help="Voltage at full scale of the converter, as measured.")
-@click.option("--full-scale", type=ABOVE_ZERO, default=4095.0, metavar="LSB", help="Largest count; 4095 by default.")
+@click.option("--full-scale", type=ABOVE_ZERO, default=4095.0, metavar="LSB", help="Full-scale count; 4095 by default.")
 @click.option(
     "--nominal",
     type=DEGC,
@@ -38,7 +38,7 @@ __all__ = ["photodiode"]
     metavar="DEGC",
     help="Temperature at which figures are stated; 25 by default.",
 )
-@click.option("--series", type=ZERO_OR_MORE, default=0.0, metavar="OHM", help="Series resistance of the data sheet.")
+@click.option("--series", type=ZERO_OR_MORE, default=0.0, metavar="OHM", help="Series resistance from the data sheet.")
 @click.option(
     "--reference-uncertainty",
     type=ZERO_OR_MORE,
@@ -51,7 +51,7 @@ __all__ = ["photodiode"]
     type=ZERO_OR_MORE,
     default=0.0,
     metavar="V",
-    help="Standard uncertainty of the converter's zero.",
+    help="Standard uncertainty of the converter's offset.",
 )
 @click.option(
     "--load-uncertainty",
@@ -79,7 +79,7 @@ def photodiode(
     as_json: bool,
     **asked: Any,  # noqa: ANN401
 ) -> int:
-    """Find photocurrent, saturation current, ideality factor and temperature coefficient of the readings in FILE.
+    """Find photocurrent, saturation current, ideality factor and temperature coefficient from the readings in FILE.
 
     Read at several loads, or in light that a monitor measures, over 10 K or more. Uncertainties are standard
     uncertainties. If the readings do not separate the parameters, or a gate trips, nothing is exported, and the exit

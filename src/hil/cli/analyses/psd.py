@@ -36,14 +36,14 @@ __all__ = ["psd"]
     default=0.5,
     show_default=True,
     metavar="FRACTION",
-    help="Part of a segment that the next shares.",
+    help="Overlap of consecutive segments.",
 )
 @click.option(
     "--detrend",
     type=click.Choice(["none", "constant", "linear"]),
     default="constant",
     show_default=True,
-    help="What is taken off each segment.",
+    help="What is removed from each segment.",
 )
 @CONFIDENCE
 @click.option(
@@ -58,13 +58,13 @@ __all__ = ["psd"]
     "--rotation",
     type=ABOVE_ZERO,
     metavar="HZ",
-    help="Of the rate table, in turns per second; its harmonics are named.",
+    help="Speed of the rate table, in turns per second; lines at its harmonics are labelled.",
 )
 @click.option(
     "--density",
     type=(float, str),
     metavar="VALUE UNIT",
-    help="White noise of the data sheet, one-sided, such as 0.007 deg/s/sqrt(Hz).",
+    help="One-sided white noise from the data sheet, such as 0.007 deg/s/sqrt(Hz).",
 )
 @click.option("--points", is_flag=True, help="With --json: give every point of the spectrum, not only bands.")
 @plot_option("the spectra")
@@ -82,10 +82,10 @@ def psd(
 ) -> int:
     """Compute power spectrum, lines and noise coefficients of the rates in FILE, recorded at rest.
 
-    FILE is a text table with or without a header. For every chosen column: the one-sided power spectral density by
+    FILE is a text table with or without a header. Each chosen column gets the one-sided power spectral density by
     Welch's method, with its interval; lines that noise does not explain; and white noise, flicker, random walk and
-    quantisation from bands without these lines, beside those of the Allan deviation. Gates check times and samples
-    first: if one trips, the figures of its column are inconclusive, and the exit code is 1.
+    quantisation from bands without these lines, compared with those of the Allan deviation. Gates check times and
+    samples first: if one trips, the figures of its column are inconclusive, and the exit code is 1.
 
     \b
     Examples:

@@ -41,23 +41,31 @@ _UNITS = {"voltage": "V", "current": "A", "irradiance": "W/m^2", "temperature": 
     "--procedure", type=click.Choice(["1", "2"]), default="2", help="Procedure of IEC 60891:2021; 2 by default."
 )
 @click.option(
-    "--alpha", type=FINITE, default=0.0, metavar="CHANGE", help="Change of the current: A/K for procedure 1, 1/K for 2."
+    "--alpha",
+    type=FINITE,
+    default=0.0,
+    metavar="CHANGE",
+    help="Temperature coefficient of the current: A/K for procedure 1, 1/K for 2.",
 )
 @click.option(
-    "--beta", type=FINITE, default=0.0, metavar="CHANGE", help="Change of the voltage: V/K for procedure 1, 1/K for 2."
+    "--beta",
+    type=FINITE,
+    default=0.0,
+    metavar="CHANGE",
+    help="Temperature coefficient of the voltage: V/K for procedure 1, 1/K for 2.",
 )
 @click.option("--resistance", type=ZERO_OR_MORE, default=0.0, metavar="OHM", help="Internal series resistance.")
 @click.option("--kappa", type=FINITE, default=0.0, metavar="OHM/K", help="Curve correction factor.")
 @click.option("--light", type=FINITE, default=0.0, metavar="B1", help="Relative change of voltage over ln(irradiance).")
-@click.option("--nominal-voltage", type=ABOVE_ZERO, metavar="V", help="Open-circuit voltage of the data sheet.")
-@click.option("--nominal-current", type=ABOVE_ZERO, metavar="A", help="Short-circuit current of the data sheet.")
+@click.option("--nominal-voltage", type=ABOVE_ZERO, metavar="V", help="Open-circuit voltage from the data sheet.")
+@click.option("--nominal-current", type=ABOVE_ZERO, metavar="A", help="Short-circuit current from the data sheet.")
 @plot_option("current and power")
 @click.option("--export", type=click.Path(path_type=Path), metavar="FILE", help="Write the corrected points as CSV.")
 @JSON
 def solar(*, file: Path, plot: Path | None, export: Path | None, as_json: bool, **asked: Any) -> int:  # noqa: ANN401
     """Find short-circuit current, open-circuit voltage, maximum power and resistances of the curve in FILE.
 
-    Uncertainties come from the scatter alone: the instruments' certificates are not known here, and coefficients are
+    Uncertainties come from the scatter alone: they include no calibration of the instruments, and coefficients are
     taken as exact. If a gate trips, nothing is exported, and the exit code is 1.
 
     \b

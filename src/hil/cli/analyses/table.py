@@ -25,28 +25,30 @@ __all__ = ["table"]
 _JOBS = (".yaml", ".yml")
 
 
-@click.command("table", short_help="Check which cells of a published table follow.")
+@click.command("table", short_help="Check a published table against its sources.")
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option(
     "--from",
     "sources",
     multiple=True,
     metavar="NAME=CSV",
-    help="A table it was computed from, and its name in formulas.",
+    help="A source table, and its name in formulas; can be repeated.",
 )
 @click.option("--formula", default="", metavar="FORMULA", help="Formula of every cell, such as 100*(b-a)/a.")
-@click.option("--column", "columns", multiple=True, metavar="NAME=FORMULA", help="Formula of one column.")
-@click.option("--all", "every", is_flag=True, help="Print also the cells that follow.")
+@click.option(
+    "--column", "columns", multiple=True, metavar="NAME=FORMULA", help="Formula of one column; can be repeated."
+)
+@click.option("--all", "every", is_flag=True, help="Also print the cells that follow.")
 @JSON
 def table(
     *, file: Path, sources: tuple[str, ...], formula: str, columns: tuple[str, ...], every: bool, as_json: bool
 ) -> int:
     """Recompute the published table in FILE from its sources, and name the cells that do not follow.
 
-    FILE is a CSV file with names of rows in its first column, or a YAML file that names several tables,
+    FILE is a CSV file with row names in its first column, or a YAML file that names several tables,
     their sources and formulas. A printed number stands for every number that rounds to it: 0.1234 is
     anything from 0.12335 to 0.12345. A cell follows if the formula can give a number that rounds to it.
-    For a cell that does not follow, usual slips are tried: sign, factor, a misprinted digit, a copied
+    For a cell that does not follow, common slips are tried: sign, factor, a misprinted digit, a copied
     cell, another formula.
 
     \b

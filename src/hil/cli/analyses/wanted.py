@@ -110,23 +110,23 @@ _OPTIONS: tuple[Callable[[Callable[..., Any]], Callable[..., Any]], ...] = (
     click.argument("file", type=click.Path(path_type=Path)),
     click.option("--time", metavar="COLUMN", help="Column of timestamps, by number or name."),
     time_unit_option,
-    click.option("--rate", type=float, metavar="HZ", help="Samples per second, if the log has no timestamps."),
+    click.option("--rate", type=float, metavar="HZ", help="Sampling rate, if the log has no timestamps."),
     _COLUMNS,
     unit_option("--unit", required=True, help="Unit of the numbers in the file, such as deg/s or LSB."),
-    click.option("--scale", type=float, metavar="FACTOR", help="How many --scaled-unit one --unit is."),
+    click.option("--scale", type=float, metavar="FACTOR", help="Factor from --unit to --scaled-unit."),
     unit_option("--scaled-unit", help="Unit after scaling, such as deg/s."),
     click.option(
-        "--from", "begin", type=float, default=0.0, metavar="S", help="Start this many seconds after the first sample."
+        "--from", "begin", type=float, default=0.0, metavar="S", help="Start S seconds after the first sample."
     ),
-    click.option("--to", "end", type=float, metavar="S", help="Stop this many seconds after the first sample."),
-    click.option("--lsb", type=float, metavar="STEP", help="One count in --unit; found in the readings by default."),
-    click.option("--full-scale", type=float, metavar="VALUE", help="Largest reading of either sign, in --unit."),
-    click.option("--bandwidth", type=float, metavar="HZ", help="Bandwidth of the sensor's own filter, at -3 dB."),
+    click.option("--to", "end", type=float, metavar="S", help="Stop S seconds after the first sample."),
+    click.option("--lsb", type=float, metavar="STEP", help="One count, in --unit; by default found from the readings."),
+    click.option("--full-scale", type=float, metavar="VALUE", help="Full-scale reading of either sign, in --unit."),
+    click.option("--bandwidth", type=float, metavar="HZ", help="-3 dB bandwidth of the sensor's own filter."),
     click.option(
         "--noise-density",
         type=float,
         metavar="DENSITY",
-        help="Noise density of the data sheet, one-sided, in the unit of the result per root hertz.",
+        help="One-sided noise density from the data sheet, in the unit of the result per root hertz.",
     ),
 )
 

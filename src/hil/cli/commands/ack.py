@@ -26,11 +26,11 @@ _OF_BENCH = frozenset({"safe", "stop", "trip"})
 @click.argument("run", metavar="RUN")
 @name_option("--by", help="Who acknowledges.")
 @click.option("--text", default="", metavar="TEXT", help="What was seen and done.")
-@click.option("--code", default="", metavar="CODE", help="The code that was sent to the person on call.")
+@click.option("--code", default="", metavar="CODE", help="The code sent to the person on call.")
 def command(run: str, by: str, text: str, code: str) -> int:
     """Show what the guardian did to the bench of a run, and acknowledge it by name.
 
-    Until then the bench is latched: no run and no check drives it. With --code, confirm instead that the person on
+    Until then the bench stays latched: no run or check may drive it. With --code, confirm instead that the person on
     call received the code that an unattended run is waiting for. Exit codes: 0, or 1 if the code is wrong.
     """
     if code.strip():

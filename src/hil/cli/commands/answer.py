@@ -23,13 +23,13 @@ __all__ = ["command"]
 @click.command(name="answer", epilog='Example: hil answer latest --by "A. Engineer"')
 @click.argument("run", metavar="RUN")
 @click.argument("answer", metavar="[ANSWER]", default="")
-@name_option("--by", help="Who answers; asked for if left out.")
-@name_option("--witness", help="Who witnesses the answer, if the question needs a witness; asked for if left out.")
+@name_option("--by", help="Who answers; prompted for if left out.")
+@name_option("--witness", help="Who witnesses the answer, if the question needs a witness; prompted for if left out.")
 def command(run: str, answer: str, by: str, witness: str) -> int:
-    """Answer the question that a run is waiting on, such as a run that was started with --detach.
+    """Answer the question that a run is waiting on, for example a run started with --detach.
 
     Without ANSWER, show the question and read the answer from this terminal; a safety confirmation is always given
-    this way. The answer to a question for a file is the path of the file. Exit codes: 0, or 1 if the run does not take
+    this way. Where the question is for a file, answer with its path. Exit codes: 0, or 1 if the run does not accept
     the answer.
     """
     from hil.evidence.events import Anomaly, Answer  # noqa: PLC0415 - only when it is used

@@ -35,9 +35,9 @@ def command(run: str, role: str, meaning: str, key: Path, principal: str) -> int
     package, nor wrote the report or the waiver. If it would not count, nothing is entered. It is kept in the ledger;
     hil verify shows it for a package.
 
-    NUMBER is that of a record of the workspace, such as NCR-0007 in the role nonconformance, W-0003 in the role
-    waiver, or V-0012 in the role verification. You approve its present content: changed afterwards, it has to be
-    approved again. The author of a verification may approve it, unless the requirement says independent.
+    NUMBER identifies a record of the workspace, such as NCR-0007 in the role nonconformance, W-0003 in the role
+    waiver, or V-0012 in the role verification. You approve its present content: if that changes, it needs a new
+    approval. The author of a verification may approve it, unless the requirement says independent.
     """
     from hil.evidence.ledger.approvals import approve  # noqa: PLC0415 - heavy
     from hil.registers.signers import load_signers  # noqa: PLC0415 - heavy

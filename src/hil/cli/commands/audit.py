@@ -51,16 +51,18 @@ def _uncollected() -> Iterator[None]:
 
 
 @click.command(name="audit", epilog="Example: hil audit --strict --format json --output build")
-@click.option("--as-of", metavar="DATE", help="The state at the end of a past day of UTC, from the ledger.")
-@click.option("--if", "supposed", metavar="FILE", help="Only what a changed catalogue or register would reopen.")
-@click.option("--head", metavar="SHA256", help="A head that was published earlier; the ledger must still contain it.")
+@click.option("--as-of", metavar="DATE", help="Status at the end of a past day (UTC), from the ledger.")
+@click.option(
+    "--if", "supposed", metavar="FILE", help="Show only what a changed catalogue or register would reopen or close."
+)
+@click.option("--head", metavar="SHA256", help="A head published earlier; the ledger must still contain it.")
 @click.option("--strict", is_flag=True, help="Exit with 1 if a requirement is open or the settings name no ledger.")
 @click.option("--record", is_flag=True, help="Enter catalogue, registers and changes of status into the ledger.")
-@click.option("--because", default="", metavar="TEXT", help="Why entries of catalogue or registers are gone.")
-@name_option("--by", help="Who says why they are gone.")
+@click.option("--because", default="", metavar="TEXT", help="Why entries were removed from catalogue or registers.")
+@name_option("--by", help="Who gives that reason.")
 @click.option("--format", "formats", metavar="FORMAT", multiple=True, help=f"Write a file: {', '.join(_FORMATS)}.")
-@click.option("--output", metavar="DIR", type=click.Path(path_type=Path), help="Where the files go.")
-@click.option("--no-cache", is_flag=True, help="Verify every package again, also those that did not change.")
+@click.option("--output", metavar="DIR", type=click.Path(path_type=Path), help="Folder for the files.")
+@click.option("--no-cache", is_flag=True, help="Verify every package, even those unchanged since the last audit.")
 @_uncollected()
 def command(
     as_of: str | None,
@@ -74,11 +76,11 @@ def command(
 ) -> int:
     """Compute the status of every requirement over all packages.
 
-    A requirement is closed if evidence from hardware meets every condition now: it is good, eligible, whole, known to
-    the ledger, of this text, this unit and this analysis, and its instruments are not in doubt. Otherwise it is open,
-    with every reason. Nothing is typed in by hand.
+    A requirement is closed while hardware evidence meets every condition: passed, eligible, intact, entered in the
+    ledger, valid for the present text, unit and analysis, with no instrument in doubt. Otherwise it is open, and every
+    reason is listed. No status is entered by hand.
 
-    An entry that was removed from the catalogue or a register counts until --record --because TEXT --by NAME says why.
+    An entry removed from the catalogue or a register counts until --record --because TEXT --by NAME says why.
 
     --if takes a changed requirements.yaml, duts.yaml, instruments.yaml, nonconformances.yaml, waivers.yaml or
     verifications.yaml, or the word analysis.

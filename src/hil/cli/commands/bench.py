@@ -32,9 +32,15 @@ def command() -> None:
 
 @command.command(epilog="Example: hil bench check adcs --source simulated")
 @click.argument("name")
-@click.option("--source", type=_SOURCES, default="hardware", show_default=True, help="What the bench talks to.")
+@click.option(
+    "--source", type=_SOURCES, default="hardware", show_default=True, help="Real instruments, or their simulated twins."
+)
 @SERVED
-@click.option("--energise", is_flag=True, help="Also test every output at its reduced level.")
+@click.option(
+    "--energise",
+    is_flag=True,
+    help="Also make the bench safe, try every output at its reduced level, and test the envelope.",
+)
 def check(name: str, source: str, served: Path | None, *, energise: bool) -> int:
     """Read the bench file, identify every instrument without driving it, and show what is ready.
 
@@ -53,7 +59,9 @@ def check(name: str, source: str, served: Path | None, *, energise: bool) -> int
 
 @command.command(epilog="Example: hil bench safe adcs --source simulated")
 @click.argument("name")
-@click.option("--source", type=_SOURCES, default="hardware", show_default=True, help="What the bench talks to.")
+@click.option(
+    "--source", type=_SOURCES, default="hardware", show_default=True, help="Real instruments, or their simulated twins."
+)
 @SERVED
 def safe(name: str, source: str, served: Path | None) -> int:
     """Bring every output to its safe state, in order, and prove it.
@@ -94,14 +102,14 @@ def _tell_beside(who: str) -> None:
     "kind",
     type=click.Choice(["udev", "polkit", "systemd", "tmpfiles"]),
     required=True,
-    help="udev: names and permissions of its devices; polkit: holding off sleep; systemd: a run that goes on after a"
-    " logout; tmpfiles: the folder of latches.",
+    help="udev: names and permissions of its devices; polkit: inhibiting sleep; systemd: a run that survives"
+    " logout; tmpfiles: the folder for latches.",
 )
 @click.option("--group", default="dialout", show_default=True, metavar="GROUP", help="Who may use the bench.")
 def setup(name: str, kind: str, group: str) -> int:
-    """Print what the computer at a bench needs from its administrator, derived from the bench file.
+    """Print system configuration for the bench computer, derived from the bench file.
 
-    Nothing is changed. The first lines of each text say where it belongs.
+    Nothing is changed. The first lines of each text say where an administrator installs it.
     """
     from hil.bench.file.reading import load_bench  # noqa: PLC0415 - heavy
     from hil.bench.host_setup import Host, setup_text  # noqa: PLC0415 - heavy

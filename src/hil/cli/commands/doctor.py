@@ -35,11 +35,11 @@ _MOST = 5
 @click.command(name="doctor", epilog="Example: hil doctor --json")
 @JSON
 def command(*, as_json: bool) -> int:
-    """Check whether this computer is fit for the benches of the workspace, and say what to type where it is not.
+    """Check that this computer is ready for the benches of the workspace, and print a fix for whatever is not.
 
     It checks Python, its environment and packages, permissions and ports, udev rules, sleep and power, clock, disk
-    and the folder of latches. Nothing is changed and no port is opened. Outside a workspace it checks the computer
-    alone.
+    and the folder for latches. Nothing is changed and no port is opened. Outside a workspace it checks only the
+    computer.
 
     Exit code 0 if nothing is wrong, 1 otherwise.
     """

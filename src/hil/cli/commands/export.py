@@ -24,7 +24,13 @@ _SEPARATORS = {",": ",", ";": ";", "tab": "\t"}
 @click.argument("run", metavar="RUN")
 @click.option("--csv", "as_csv", is_flag=True, help="Write text tables.")
 @click.option("--mat", "as_mat", is_flag=True, help="Write MATLAB 5 files.")
-@click.option("--recording", "recordings", metavar="NAME", multiple=True, help="By name or id; can be repeated.")
+@click.option(
+    "--recording",
+    "recordings",
+    metavar="NAME",
+    multiple=True,
+    help="Only this recording, by name or id; can be repeated.",
+)
 @click.option("--case", "cases", metavar="CASE", multiple=True, help="Only recordings of this case; can be repeated.")
 @click.option("--separator", type=click.Choice([*_SEPARATORS]), help="Column separator of a table; ',' by default.")
 @click.option("--decimal", type=click.Choice([".", ","]), help="Decimal mark of a table; '.' by default.")
@@ -38,7 +44,7 @@ _SEPARATORS = {",": ",", ";": ";", "tab": "\t"}
     "--output",
     type=click.Path(path_type=Path),
     metavar="DIRECTORY",
-    help="Where the files go; ./RUN-export by default.",
+    help="Folder for the files; ./RUN-export by default.",
 )
 def command(  # noqa: PLR0913, PLR0917 - one argument per option
     run: str,

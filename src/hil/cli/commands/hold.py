@@ -13,12 +13,12 @@ __all__ = ["command"]
 @click.command(name="hold", epilog='\b\nExample: hil hold 20261121T093100Z --reason "open the door" --by "A. Engineer"')
 @click.argument("run", metavar="RUN")
 @click.option("--release", is_flag=True, help="Restore the bench and continue the run.")
-@click.option("--reason", default="", metavar="TEXT", help="Why.")
-@name_option("--by", help="Who asks.")
+@click.option("--reason", default="", metavar="TEXT", help="Why the run is held or released.")
+@name_option("--by", help="Who requests it.")
 def command(run: str, *, release: bool, reason: str, by: str) -> int:
     """Hold a run at its next scheduling point: the bench goes to its hold state and stays there.
 
-    Exit codes: 0 if the bench is held or released, or if the run does not answer in time; 1 if it refuses.
+    Exit codes: 0 if the bench is held or released, or if the run does not answer in time; 1 if the run refuses.
     """
     from hil.evidence.events import Hold, HoldEnd, HoldRefused  # noqa: PLC0415 - only when it is used
     from hil.evidence.inbox import post  # noqa: PLC0415 - only when it is used

@@ -37,11 +37,11 @@ _BESIDE = {
 @click.command(name="init", epilog="Example: hil init bench && cd bench")
 @click.argument("folder", type=click.Path(path_type=Path), default=Path())
 def command(folder: Path) -> None:
-    """Make a workspace in FOLDER, the current one by default.
+    """Create a workspace in FOLDER, by default the current folder.
 
     It has one bench, one plan that passes on the simulated bench, and CI files for GitHub and GitLab; comments say what
-    to change first. Nothing is overwritten: a folder that is a workspace already is refused, and a README.md,
-    .gitignore or CI file that is there stays as it is.
+    to change first. Nothing is overwritten: a folder that already is a workspace is refused, and an existing README.md,
+    .gitignore or CI file stays as it is.
     """
     root = folder.absolute()
     _require_new(root, folder)

@@ -38,14 +38,15 @@ _SHORT = 12
 
 @click.command(name="ledger", epilog="Example: hil ledger --head 5d41402abc4b2a76b9719d911017c592…")
 @click.argument("reports", required=False, type=click.Path(path_type=Path, file_okay=False, exists=True))
-@click.option("--head", metavar="SHA256", help="A head that was published earlier; the ledger must still contain it.")
+@click.option("--head", metavar="SHA256", help="A head published earlier; the ledger must still contain it.")
 @click.option("--log", is_flag=True, help="Also list every entry.")
 def command(reports: Path | None, head: str | None, log: bool) -> int:
-    """Check the ledger of the packages, and print its head.
+    """Check the package ledger, and print its head.
 
-    It checks every line, the chain, and the objects and signatures that it names; with --head also that nothing before
-    a published head was cut off or rewritten. The last line of standard output is the head: publish it, in a git tag
-    or a mail. Without REPORTS it is the ledger of the workspace. Exit code 1 if something is wrong.
+    It checks every line, the chain, and the objects and signatures that lines name; with --head also that nothing
+    up to a published head was cut off or rewritten. The last line of standard output is the head: publish it, for
+    example in a git tag or an email. REPORTS is the folder of reports, by default that of the workspace. Exit code 1
+    if something is wrong.
     """
     from hil.evidence.ledger.approvals import stray_files  # noqa: PLC0415 - heavy
     from hil.evidence.ledger.book import check, read  # noqa: PLC0415 - heavy

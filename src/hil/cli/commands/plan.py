@@ -32,7 +32,7 @@ def command(
     overrides: tuple[str, ...],
     answers: Path | None,
 ) -> int:
-    """Print the procedure of plans: limits, steps, what they drive, record and ask, and how long they take.
+    """Print the procedure of plans: limits, steps, what each step drives, records and asks, and durations.
 
     The cases run from start to end on the simulated bench; no hardware is driven, and no package is kept.
     """

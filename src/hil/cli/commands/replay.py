@@ -20,11 +20,11 @@ __all__ = ["command"]
 @click.command(name="replay", epilog="Example: hil replay reports/reference")
 @click.argument("run", metavar="RUN")
 def command(run: str) -> int:
-    """Run the cases of a package again on its recorded bytes, and compare the verdicts.
+    """Rerun the cases of a package on its recorded bytes, and compare the results.
 
     Cases, fixtures, bench file and limits are those frozen in the package. Exit code 0 if every verdict,
     value, recording and file of a case is the same, 1 otherwise. The result is entered in the ledger that has the
-    package's seal: what an older analysis judged counts again if the present one comes to the same verdicts.
+    package's seal: verdicts of an older analysis count again if the present one reaches the same verdicts.
     """
     pin()
     from hil.documents.text import counted  # noqa: PLC0415 - after the pins

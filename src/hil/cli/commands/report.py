@@ -19,12 +19,12 @@ __all__ = ["command", "derived"]
 
 @click.command(name="report", epilog="Example: hil report reports/reference --output /tmp/report")
 @click.argument("run", metavar="RUN")
-@click.option("--output", type=click.Path(path_type=Path, file_okay=False), help="Write the derived files there.")
+@click.option("--output", type=click.Path(path_type=Path, file_okay=False), help="Write the regenerated files there.")
 @click.option(
-    "--pdf", type=click.Path(path_type=Path, dir_okay=False), help="Print the page to this file with a browser."
+    "--pdf", type=click.Path(path_type=Path, dir_okay=False), help="Print the page to this PDF file, with a browser."
 )
 def command(run: str, output: Path | None, pdf: Path | None) -> int:
-    """Derive the report of a package again, and compare it byte for byte with the one inside.
+    """Regenerate the report of a package, and compare it byte for byte with the one in the package.
 
     A sealed package is never changed. It is verified first: the report of a damaged one says DAMAGED on every page and
     has no verdict. Exit code 1 if the package is damaged, or the bytes differ.

@@ -21,10 +21,10 @@ __all__ = ["command"]
 
 @click.group("requirements")
 def command() -> None:
-    """Lock the meaning of requirements, and show what changed since.
+    """Lock the meaning of requirements, and show what has changed since.
 
     Every revision of a requirement has one meaning: its text, its limits, its records. The file
-    requirements.lock.json beside a plan records it, and is committed with the plan.
+    requirements.lock.json in the plan's folder records it, and is committed with the plan.
 
     \b
     Example:
@@ -36,9 +36,9 @@ def command() -> None:
 @command.command("lock")
 @click.argument("plans", metavar="PLAN...", nargs=-1, required=True)
 def lock(plans: tuple[str, ...]) -> None:
-    """Write requirements.lock.json beside each PLAN.
+    """Write requirements.lock.json of each PLAN.
 
-    It refuses if a meaning changed without a new rev, if a rev changed without a new meaning, or if a
+    Refused if a meaning changed without a new rev, if a rev changed without a new meaning, or if a
     requirement was removed instead of withdrawn.
 
     \b
@@ -62,10 +62,10 @@ def lock(plans: tuple[str, ...]) -> None:
 @command.command("diff")
 @click.argument("plans", metavar="PLAN...", nargs=-1, required=True)
 def diff(plans: tuple[str, ...]) -> None:
-    """Show what changed in each PLAN since its lock was written.
+    """Show what has changed in each PLAN since its lock was written.
 
-    A line per requirement: added, removed, semantic (evidence for the older revision no longer counts)
-    or editorial (explanations and spacing only); below it a line per field, with what it was and is.
+    One line per requirement: added, removed, semantic (evidence for the older revision no longer counts)
+    or editorial (explanations and spacing only); below it one line per field, with its old and new value.
 
     \b
     Example:

@@ -28,7 +28,7 @@ __all__ = ["command"]
     "--other-software",
     default="",
     metavar="REASON",
-    help="Why it is resumed with other software than it began with; it can then close no requirement.",
+    help="Why the run resumes with different software than it started with; it then closes no requirement.",
 )
 @ACKNOWLEDGE_WITHIN
 @click.option("-v", "--verbose", is_flag=True, help="Also show every step, driving call and gate.")
@@ -46,9 +46,10 @@ def command(
 ) -> int:
     """Resume a run whose process was killed, or whose machine lost power.
 
-    Its cases run again from their first line on the recorded bytes, and must reproduce the journal; after the last
-    checkpoint the bench itself takes over. Nobody is asked a question twice. The run keeps its folder, and its
-    evidence says when it was resumed. Exit codes and the last line of standard output are those of hil run.
+    Its cases rerun from their first line on the recorded bytes, and must reproduce the journal; after the last
+    checkpoint the bench itself takes over. No question is asked twice, except for safety confirmations on hardware or
+    a served bench. The run keeps its folder, and its evidence says when it was resumed. Exit codes and the last line
+    of standard output are those of hil run.
     """
     folder = find_run(run)
     if invocation.word is None:

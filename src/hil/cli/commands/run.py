@@ -64,7 +64,7 @@ class NewFile(click.Path):
     type=click.Choice([Source.HARDWARE.value, Source.SIMULATED.value]),
     default="hardware",
     show_default=True,
-    help="What the bench talks to.",
+    help="Real instruments, or their simulated twins.",
 )
 @SERVED
 @click.option(
@@ -74,7 +74,7 @@ class NewFile(click.Path):
     show_default=True,
     help="Only qualification and acceptance can close requirements.",
 )
-@name_option("--operator", help="Who operates the bench.")
+@name_option("--operator", help="Who operates the bench; part of the evidence.")
 @deviation_options
 @ANSWERS
 @click.option("--ask", is_flag=True, help="Ask questions at the terminal, even on a simulated bench.")
@@ -87,10 +87,10 @@ class NewFile(click.Path):
     "--junit",
     type=NewFile(path_type=Path, dir_okay=False),
     metavar="FILE",
-    help="Also write the results there as JUnit XML.",
+    help="Also write the results to this file as JUnit XML.",
 )
 @click.option("--strict", is_flag=True, help="Exit with 1 if the run leaves a requirement of its plans uncovered.")
-@click.option("--detach", is_flag=True, help="Detach from this terminal; return as soon as the run has begun.")
+@click.option("--detach", is_flag=True, help="Detach from this terminal; return as soon as the run has started.")
 @attendance_options
 @click.option("-v", "--verbose", is_flag=True, help="Also show every step, driving call and gate.")
 @click.pass_obj

@@ -28,13 +28,13 @@ _ANY_WIDTH = 10_000
 @click.option("--dut", metavar="SERIAL", help="Only runs of this device under test.")
 @click.option("--plan", metavar="NAME", help="Only runs of this plan.")
 @click.option("--verdict", metavar="VERDICT", help="Only runs with this verdict.")
-@click.option("--no-cache", is_flag=True, help="Look at every package again, also at those that did not change.")
+@click.option("--no-cache", is_flag=True, help="Check every package, even those unchanged since the last look.")
 def command(bench: str | None, dut: str | None, plan: str | None, verdict: str | None, *, no_cache: bool) -> int:
     """List the runs of the workspace, newest last.
 
-    Sealed packages get a quick look that does not read their recordings; one whose files have not changed since is not
-    looked at again. hil verify reads everything. A damaged package is listed with what is wrong and without a
-    verdict, unless you filter.
+    Sealed packages get a quick look that does not read their recordings, and is skipped while no file has changed.
+    hil verify reads everything. A damaged package is listed with what is wrong and without a verdict, unless you
+    filter.
     """
     from hil.evidence.index import Index  # noqa: PLC0415 - heavy
     from hil.evidence.runs import find_runs  # noqa: PLC0415 - heavy

@@ -14,8 +14,8 @@ __all__ = ["command"]
 def command(run: str) -> int:
     """Seal an interrupted run as it is; its verdict is never better than ABORTED.
 
-    The last line of standard output is the package's path. A package that is sealed already is verified; exit code 1
-    if it is damaged.
+    The last line of standard output is the package's path. A package that is already sealed is verified instead; exit
+    code 1 if it is damaged.
     """
     from hil.evidence.folder import is_sealed  # noqa: PLC0415 - heavy
     from hil.evidence.package.listing import shown as printable  # noqa: PLC0415 - heavy

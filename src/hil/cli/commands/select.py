@@ -30,19 +30,25 @@ _WIDTH = 100
 )
 @click.argument("criteria", metavar="CRITERIA", type=click.Path(path_type=Path))
 @click.argument("runs", metavar="[RUN]...", nargs=-1)
-@click.option("--format", "formats", multiple=True, type=click.Choice(_FORMATS), help="Write a file.")
-@click.option("--output", metavar="DIR", type=click.Path(path_type=Path), help="Where the files go.")
+@click.option(
+    "--format",
+    "formats",
+    multiple=True,
+    type=click.Choice(_FORMATS),
+    help="Write a file in this format; can be repeated.",
+)
+@click.option("--output", metavar="DIR", type=click.Path(path_type=Path), help="Folder for the files.")
 def command(criteria: Path, runs: tuple[str, ...], formats: tuple[str, ...], output: Path | None) -> int:
     """Select the best of several sensors from their packages.
 
-    CRITERIA is a YAML file that names the candidates and what they are compared in: a parameter, its unit and its axes.
-    The smallest magnitude is the best. Without RUN, every package of the workspace that has such figures takes part.
+    CRITERIA is a YAML file that names the candidates and the criteria: a parameter with its unit and axes. The smallest
+    magnitude is the best. Without RUN, every package of the workspace that has such figures takes part.
 
-    Each package is verified first. Figures of a package that does not verify do not count, nor do figures that are
+    Each package is verified first. Figures do not count if their package fails verification, or if they are
     INCONCLUSIVE, in doubt, not measured, aliased, in a unit that does not convert, or measured for another revision of
     their requirement; each is listed with the reason. Candidates that cannot be told apart share a place.
 
-    Exit code 0; 1 if a package does not verify, or a candidate could not be judged in a criterion.
+    Exit code 0; 1 if a package fails verification, or a candidate could not be judged in a criterion.
     """
     if output is None and len(formats) > 1:
         raise Refused(f"{len(formats)} formats cannot go to standard output together", "add --output DIR")

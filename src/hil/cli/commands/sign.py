@@ -20,9 +20,11 @@ KEY = click.option(
     required=True,
     type=click.Path(path_type=Path),
     metavar="FILE",
-    help="Private key, or public key of an agent or token.",
+    help="Private key, or public key of one in an agent or on a token.",
 )
-PRINCIPAL = click.option("--as", "principal", required=True, metavar="PRINCIPAL", help="Whose key it is.")
+PRINCIPAL = click.option(
+    "--as", "principal", required=True, metavar="PRINCIPAL", help="Principal that the key belongs to."
+)
 
 
 @click.command(name="sign", epilog="Example: hil sign latest --key ~/.ssh/id_ed25519 --as ada@example.org")
@@ -32,8 +34,8 @@ PRINCIPAL = click.option("--as", "principal", required=True, metavar="PRINCIPAL"
 def command(run: str, key: Path, principal: str) -> int:
     """Sign a package with an SSH key: you vouch for the run as its author.
 
-    The package is verified first. ssh-keygen signs, so that agents and hardware keys work and it asks for passphrase,
-    PIN or touch. The signature is kept in the ledger; the package is not changed. hil verify shows it.
+    The package is verified first. ssh-keygen makes the signature, so agents and hardware keys work; it prompts for
+    passphrase, PIN or touch. The signature goes into the ledger; the package is not changed. hil verify shows it.
     """
     from hil.evidence.ledger.approvals import sign_package  # noqa: PLC0415 - heavy
     from hil.registers.signers import load_signers  # noqa: PLC0415 - heavy

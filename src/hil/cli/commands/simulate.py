@@ -30,7 +30,7 @@ _MOST_PORTS = 65_535
     default=1.0,
     show_default=True,
     metavar="FACTOR",
-    help="Bench seconds per real second.",
+    help="Seconds of bench time per second of wall time.",
 )
 @click.option(
     "--first-port",
@@ -43,7 +43,7 @@ def command(bench: str, folder: Path | None, speed: float, first_port: int) -> i
     """Serve the simulated twin of BENCH to other programs, until Ctrl-C.
 
     Serial instruments become pseudo-terminals, network instruments ports of 127.0.0.1. The socket `control` in the
-    folder gives the true state and takes faults to inject.
+    folder reports the true state, and accepts faults to inject.
     """
     from hil.executive.bench_visit import serve_bench  # noqa: PLC0415 - heavy
     from hil.report.tables import aligned  # noqa: PLC0415 - heavy

@@ -23,10 +23,10 @@ __all__ = ["command"]
 @click.option("--follow", is_flag=True, help="Keep showing it until the run ends.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON document; with --follow, one per line.")
 def command(run: str, follow: bool, as_json: bool) -> int:
-    """Show what a run does and reads now and how much bench time is left, or how it ended.
+    """Show what a run is doing, its latest readings and the bench time left, or how it ended.
 
     A sealed package is verified, unless it is large; what was checked is printed below the verdict. A damaged package
-    has no verdict, and exit code 1.
+    has no verdict, and the exit code is 1.
     """
     folder = find_run(run)
     from hil.evidence.package.verification import State  # noqa: PLC0415 - heavy

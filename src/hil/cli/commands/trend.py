@@ -31,7 +31,7 @@ _EXACT = 1e-9  # of a number: a smaller scatter is rounding
 @click.option("--hardware", is_flag=True, help="Leave out runs that were simulated or replayed.")
 @click.option("--csv", "as_csv", is_flag=True, help="Print CSV and nothing else.")
 @plot_option("the values")
-@click.option("--no-cache", is_flag=True, help="Look at every package again, also at those that did not change.")
+@click.option("--no-cache", is_flag=True, help="Check every package, even those unchanged since the last look.")
 def command(
     *,
     parameter: str,
@@ -43,14 +43,14 @@ def command(
     plot: Path | None,
     no_cache: bool,
 ) -> int:
-    """Compare the checks of one parameter over the sealed runs of the workspace.
+    """Compare the checks of one parameter across the sealed runs of the workspace.
 
-    Every check is a row: beginning and short id of the run, unit under test, value with expanded uncertainty, the
-    limit at that time, verdict. A table holds the checks of one requirement, case and member; what is the same in all
-    of its rows stands above it. Below it stand mean and standard deviation for each unit, bench and source, and with
-    three or more values over at least a day the slope with its 95 % interval, which takes the scatter as independent.
+    Each check is a row: start and short id of the run, unit under test, value with expanded uncertainty, the limit at
+    that time, verdict. A table holds the checks of one requirement, case and member; what all of its rows share is
+    printed above it. Below it are mean and standard deviation for each unit, bench and source and, for three or more
+    values over at least a day, the slope with its 95 % interval, which assumes independent scatter.
 
-    Packages get the quick look of hil runs; hil verify is the proof.
+    Packages get only the quick look of hil runs; hil verify is the proof.
     """
     from hil.audit import trend  # noqa: PLC0415 - heavy
     from hil.evidence.index import Index  # noqa: PLC0415 - heavy

@@ -24,20 +24,18 @@ _REFUSED = 4
 
 @click.command(name="verify", epilog="Example: hil verify latest")
 @click.argument("runs", metavar="RUN...", nargs=-1, required=True)
-@click.option("--report", is_flag=True, help="Also derive the report again and compare it.")
-@click.option(
-    "--replay", "again", is_flag=True, help="Also run the cases again on the recorded bytes, as hil replay does."
-)
+@click.option("--report", is_flag=True, help="Also regenerate the report, and compare it.")
+@click.option("--replay", "again", is_flag=True, help="Also rerun the cases on the recorded bytes, as hil replay does.")
 def command(runs: tuple[str, ...], report: bool, again: bool) -> int:
     """Verify packages, offline and from their own bytes.
 
     It checks the manifests, the journal's chain, every file against its hash in the journal, every row of every
     recording, the results, and every verdict against value, uncertainty and frozen limit. Then it compares the package
     with the ledger of its folder, and verifies signatures and approvals. Digests are printed only if nothing is wrong.
-    Several runs get a line each.
+    Several runs get one line each.
 
-    Exit code 0 for intact packages of complete runs whose signatures all count, and whose report and replay are the
-    same where you ask for them; 1 otherwise; of several runs the worst.
+    Exit code 0 for intact packages of complete runs whose signatures all count, and whose report and replay, if
+    requested, are identical; 1 otherwise; for several runs, the worst.
     """
     folders = [find_run(run) for run in runs]
     if len(folders) == 1:
