@@ -32,7 +32,7 @@ def print_page(page: bytes, to: Path) -> None:
     browser = next(filter(None, map(shutil.which, BROWSERS)), None)
     if browser is None:
         raise Refused(
-            "no browser that prints without a window was found: the PDF is made by Chromium, Chrome, Edge or Brave",
+            "no browser found that prints headless: the PDF needs Chromium, Chrome, Edge or Brave",
             "install one (Debian: apt install chromium), or open report.html in any browser and print it",
         )
     with tempfile.TemporaryDirectory(prefix="hil-print-") as place:

@@ -96,15 +96,15 @@ def warnings(results: Outcome) -> tuple[tuple[str, str], ...]:
 def _warnings(results: Outcome) -> Iterable[tuple[bool, str, str]]:
     source = source_word(results)
     why = "the instruments were simulated" if source == "SIMULATED" else "no hardware was driven"
-    yield bool(source), source, f"{why}; this run is no evidence about hardware."
+    yield bool(source), source, f"{why}; this run is not evidence about hardware."
     for exception in exceptions(results):
         yield True, "EXCEPTION", f"{exception}."
     yield results.interrupted, "INTERRUPTED", "the run did not reach its planned end."
-    yield results.tripped, "TRIPPED", "the bench left its envelope and was made safe."
+    yield results.tripped, "TRIPPED", "the envelope tripped, and the run stopped."
     unsafe = results.safe is False
-    yield unsafe, "NOT SAFE", "at least one output could not be proven in its safe state."
+    yield unsafe, "NOT SAFE", "at least one output could not be proven safe."
     unknown = results.safe is None
-    yield unknown, "SAFE STATE UNKNOWN", "the evidence holds no proof that the bench was left safe."
+    yield unknown, "SAFE STATE UNKNOWN", "there is no proof on record that the bench was left safe."
     deviates = results.run is not None and bool(results.run.deviations)
     yield deviates, "DEVIATION", "the run deviates from its plan; the report says how."
     entries = results.requirements

@@ -52,7 +52,7 @@ def make_reports(folder: Path, found: Verification | None = None) -> dict[str, b
     if found.state is not State.DAMAGED:
         word, sentence = (
             "NOT SEALED",
-            f"the run is {found.state}; this is what was recorded so far, and is no evidence.",
+            f"the run is {found.state}; this is what was recorded so far, not evidence.",
         )
         view = replace(view, source_word=_before(word, view), warnings=((word, sentence), *view.warnings))
         return _both(package, view)

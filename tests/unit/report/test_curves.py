@@ -216,7 +216,7 @@ def test_the_first_page_shows_the_value_nearest_its_limit():
         checked(headline="Error", at=f"axis {axis}", margin=margin) for axis, margin in (("x", 0.1), ("y", 0.4))
     )
     (tile,) = headlines(attributed([far, near, checked()]))
-    assert (tile.name, tile.at, tile.among) == ("Error", "axis x", "nearest to its limit, of 2")
+    assert (tile.name, tile.at, tile.among) == ("Error", "axis x", "closest to the limit, of 2")
     bad = checked(headline="Error", at="axis z", margin=-0.1, verdict="FAIL")
     (tile,) = headlines(attributed([far, near, bad]))
     assert (tile.verdict, tile.at, tile.among) == ("FAIL", "axis z", "1 of 3 not good")

@@ -47,4 +47,4 @@ def test_bench_time_is_what_it_was(run, source, time):
 def test_stamps_are_read_to_the_second():
     """What is not recorded stays empty."""
     found = told({})
-    assert (found["Began (UTC)"], found["Ended (UTC)"], found["Run"]) == ("2026-11-21 20:00:00", "", "a-run")
+    assert (found["Started (UTC)"], found["Ended (UTC)"], found["Run"]) == ("2026-11-21 20:00:00", "", "a-run")

@@ -294,8 +294,8 @@ def test_hardware_is_not_called_simulated(tmp_path):
     assert "EXCEPTION" not in words
     assert "This run can close all 2 requirements." in words
     assert "can close the verdict is good, and nothing in this run weakens the evidence" in words
-    assert "Proven of the whole run the run's source is hardware the purpose is qualification" in words
-    assert "Proven of each of the 2 requirements one planned case carries it" in words
+    assert "Proven for the whole run the run's source is hardware the purpose is qualification" in words
+    assert "Proven for each of the 2 requirements one planned case carries it" in words
     assert words.count("one planned case carries it") == 1
 
 
@@ -499,7 +499,7 @@ def test_requirements_show_their_place_and_their_limits(html):
     for word in (
         "gyroscope: ADCS-GYR , issue 1.3, Gyroscope characterisation",
         "Parents: ADCS-001",
-        "equipment, qualification",
+        "Level: equipment. Stage: qualification.",
         "rate_error [x, y, z] -0.5 to 0.5 deg/s, guarded, TUR at least 2",
         "for each temperature of 10, 45",
     ):
@@ -600,7 +600,7 @@ def test_uncommitted_changes_are_named_not_printed(tmp_path):
         json.dumps({"format": 1, "packages": {"click": "8.5.1", "numpy": "2.4"}, "difference": "- secret\n" * 9999})
     )
     words = Page(make_reports(copy, found_of(copy))[HTML].decode()).words
-    assert "difference 9999 lines with sha256" in words
+    assert "difference 9999 lines with SHA-256" in words
     assert "packages click 8.5.1, numpy 2.4" in words
     assert "secret" not in words
 
@@ -622,8 +622,8 @@ def test_code_of_others_is_told_in_sentences(tmp_path):
     (copy / "data/results.json").chmod(0o644)
     (copy / "data/results.json").write_text(json.dumps(results))
     words = Page(make_reports(copy, found_of(copy))[HTML].decode()).words
-    assert f"code of other packages {told}" in words
-    assert f"code at the start of Python {reason}" in words
+    assert f"code from other packages {told}" in words
+    assert f"code run at Python start-up {reason}" in words
 
 
 def test_cases_called_the_same_keep_their_files(tmp_path):
@@ -729,7 +729,7 @@ def test_a_run_that_is_not_sealed_has_a_marked_report(folder, tmp_path):
     (copy / "bagit.txt").unlink()
     page = make_reports(copy)[HTML].decode()
     assert "NOT SEALED" in re.search('<div class="running".*?</div>', page, re.DOTALL)[0]
-    assert "this is what was recorded so far, and is no evidence" in Page(page).words
+    assert "this is what was recorded so far, not evidence" in Page(page).words
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ def test_closing_block_of_a_failed_run(folder):
     lines = closing_lines(Package(folder).outcome())
     assert lines[:3] == [
         "FAIL  5 cases: 1 failed, 1 not run, 3 passed.",
-        "  SIMULATED: the instruments were simulated; this run is no evidence about hardware.",
+        "  SIMULATED: the instruments were simulated; this run is not evidence about hardware.",
         "  DEVIATION: the run deviates from its plan; the report says how.",
     ]
     start = lines.index("  FAIL ADCS-GYR-030 rate_error [z]")

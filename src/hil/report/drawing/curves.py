@@ -109,10 +109,10 @@ def _told(chart: Chart) -> str:
     if any(curve.model_x for curve in chart.curves):
         parts.append(f"lines are {chart.lines or 'the model'}")
     if any(curve.residual for curve in chart.curves):
-        parts.append("below is what the model leaves")
+        parts.append("residuals are below")
     if chart.limits:
         named = ", ".join(dict.fromkeys(f"{each.requirement} {each.parameter}" for each in chart.limits))
-        parts.append(f"dashed is the limit of {named}")
+        parts.append(f"the dashed line is the limit of {named}")
     points = sum(len(curve.x) for curve in chart.curves)
     told = f"{counted(points, 'point')}; {'; '.join(parts)}" if parts else counted(points, "point")
     return f"{told}."

@@ -233,7 +233,7 @@ def _recording(begin: Recording, end: RecordingEnd | None) -> RecordingRow:
         name=begin.name,
         count=1,
         channels=_channels(begin.channels),
-        rate=f"{number(begin.rate)} Hz",
+        rate=quantity(begin.rate, "Hz"),
         duration=duration(begin.duration),
         rows=f"{end.rows:,}".replace(",", " ") if end else "",
         gap=duration(end.gaps) if end else "",

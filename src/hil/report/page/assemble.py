@@ -154,7 +154,7 @@ def facts(material: Material, run: Run | None, bench: Body, events: Sequence[Eve
         events: its events, in order.
     """
     began, ended = (_instant(stamp) for stamp in material.stamps())
-    when = [("Began (UTC)", began), ("Ended (UTC)", ended)]
+    when = [("Started (UTC)", began), ("Ended (UTC)", ended)]
     return tuple(
         Fact(label=label, value=value)
         for label, value in (
@@ -214,7 +214,7 @@ def _told_once(found: Sequence[Happening], entries: Mapping[str, Body]) -> tuple
     known = [each for each in found if each.kind == "anomaly" and any(each.text.endswith(own) for own in sources)]
     if len(known) < 2:
         return tuple(found)
-    told = f"{counted(len(known), 'source')} of requirements have an anomaly: see section 3"
+    told = f"{counted(len(known), 'requirement')} with an anomaly in the source: see section 3"
     first = replace(known[0], text=told, case=None)
     rest = [first if each is known[0] else each for each in found if each is known[0] or each not in known]
     return tuple(rest)
@@ -346,9 +346,9 @@ def _parameters(material: Material) -> tuple[ParameterRow, ...]:
 
 
 _OTHER_CODE = {
-    OTHERS: "code of other packages",
-    "start": "code at the start of Python",
-    "environment": "variables of the environment",
+    OTHERS: "code from other packages",
+    "start": "code run at Python start-up",
+    "environment": "environment variables",
     "executed": "code that ran",
 }
 _TOLD_APART = frozenset({"format", "packages", "others", "start", "strays", "changing"})
@@ -376,7 +376,7 @@ def _short(value: str) -> str:
     if len(value) <= _LONGEST and "\n" not in value:
         return value
     digest = hashlib.sha256(value.encode("utf-8", errors="surrogatepass")).hexdigest()
-    return f"{counted(len(value.splitlines()), 'line')} with sha256 {digest}; stored in the package"
+    return f"{counted(len(value.splitlines()), 'line')} with SHA-256 {digest}; stored in the package"
 
 
 def _json(material: Material, relative: str) -> Body:

@@ -120,7 +120,7 @@ def _headline(name: str, checks: Sequence[Check]) -> Headline:
         among = f"{len(checks)} values"
     else:
         value = row.value
-        among = f"nearest to its limit, of {len(checks)}" if several and margins and not bad else ""
+        among = f"closest to the limit, of {len(checks)}" if several and margins and not bad else ""
         if several and bad:
             among = f"{len(bad)} of {len(checks)} not good"
     return Headline(
