@@ -177,7 +177,7 @@ def test_without_a_file_nobody_answers(cases):
     with pytest.raises(Refused) as caught:
         required(cases, None)
     told = str(caught.value)
-    assert told.startswith("nobody would answer '")
+    assert told.startswith("there is nobody to answer '")
     assert "'jig-closed' (testplans/" in told
     assert "give answers with --answers FILE, or run from a terminal" in str(caught.value)
     with pytest.raises(Refused) as caught:

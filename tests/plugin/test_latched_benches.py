@@ -57,5 +57,5 @@ def test_a_run_that_the_guardian_ended_is_not_resumed_before_somebody_looked(wor
     def asked(_: Earlier):
         raise AssertionError("nobody asks what it was made of")
 
-    with pytest.raises(Refused, match="the guardian ended this run, and nobody has acknowledged it"):
+    with pytest.raises(Refused, match="the guardian ended this run, and that has not been acknowledged"):
         resume(folder, asked, None)

@@ -154,7 +154,7 @@ def test_without_a_person_a_question_says_what_to_do(tmp_path):
     """Asked to ask at a terminal where there is none, no run begins, and the error names a way out."""
     workspace = make(tmp_path / "workspace", ASKING)
     with pytest.raises(
-        Refused, match=r"nobody would answer .*'jig-closed' \(testplans/.*--answers FILE, or run from a"
+        Refused, match=r"there is nobody to answer .*'jig-closed' \(testplans/.*--answers FILE, or run from a"
     ):
         workspace.run(person=True)
     assert workspace.folders() == []
@@ -163,7 +163,9 @@ def test_without_a_person_a_question_says_what_to_do(tmp_path):
 def test_what_the_simulated_person_does_not_know_is_told_before_the_run(tmp_path):
     """A question that the simulated bench has no answer to names the place where it would be given."""
     workspace = make(tmp_path / "workspace", ASKING)
-    with pytest.raises(Refused, match=r"nobody would answer 'voltmeter' \(testplans/.* simulated\.person in the bench"):
+    with pytest.raises(
+        Refused, match=r"there is nobody to answer 'voltmeter' \(testplans/.* simulated\.person in the bench"
+    ):
         workspace.run()
     assert workspace.folders() == []
 

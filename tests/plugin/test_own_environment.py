@@ -107,7 +107,7 @@ def test_a_module_that_lowers_the_limit_of_recursion_lowers_it_for_itself(tmp_pa
 @pytest.mark.parametrize("option", ["error", "e", "error::DeprecationWarning", "error:::numpy"])
 def test_a_python_that_makes_errors_of_warnings_is_refused(option):
     """Attack: PYTHONWARNINGS=error. NumPy's warnings about a pinned processor ended the run in a traceback."""
-    with pytest.raises(Refused, match="makes errors of warnings") as refused:
+    with pytest.raises(Refused, match="turns warnings into errors") as refused:
         pinned_environment([option])
     assert refused.value.hint == "unset PYTHONWARNINGS, and start Python without -W"
 

@@ -76,7 +76,7 @@ def test_what_a_requirement_wants_over_parameters_must_be_covered(tmp_path):
 def test_a_fixture_that_nothing_provides_is_refused(tmp_path):
     """A misspelt role costs no arming."""
     said = refused(tmp_path, "def test_one(suply):\n    pass")
-    assert said.endswith("test_one asks for 'suply', which nothing provides, did you mean 'supply'?")
+    assert said.endswith("test_one requests 'suply', which nothing provides, did you mean 'supply'?")
 
 
 def test_a_role_that_the_bench_does_not_have_names_the_benches_that_have_it(tmp_path):
@@ -87,7 +87,7 @@ def test_a_role_that_the_bench_does_not_have_names_the_benches_that_have_it(tmp_
 
     said = refused(tmp_path, "def test_one(cycler):\n    pass", prepare=beside)
     assert said.endswith(
-        "test_one asks for 'cycler', a role that no wire of the bench adcs has: this plan cannot run there;"
+        "test_one requests 'cycler', a role that no wire of the bench adcs has: this plan cannot run there;"
         " benches that have it: battery"
     )
 
@@ -413,7 +413,7 @@ def test_one(coil):
 """)
 def test_a_fixture_that_would_keep_a_role_for_other_cases_is_refused(said, scope):
     """What a case is handed is its own; it is told before anything is armed, and not by pytest."""
-    what = f"the fixture coil asks for 'supply', which each case has for itself: leave out scope='{scope}'"
+    what = f"the fixture coil requests 'supply', which exists per case: leave out scope='{scope}'"
     assert said == [f"{FIRST}:1: {what}"]
 
 
@@ -544,7 +544,7 @@ def test_a_fixture_that_asks_for_what_nothing_provides_is_named(tmp_path):
     workspace = make(tmp_path / "workspace", "def test_one(mine):\n    pass", fixtures={"more.py": more})
     with pytest.raises(ConfigurationError) as caught:
         workspace.run()
-    message = "the fixture mine asks for 'suply', which nothing provides, did you mean 'supply'?"
+    message = "the fixture mine requests 'suply', which nothing provides, did you mean 'supply'?"
     assert str(caught.value) == f"fixtures/more.py:4:1: {message}"
 
 

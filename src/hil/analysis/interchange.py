@@ -138,7 +138,7 @@ def printable(names: Iterable[str]) -> None:
     """
     for name in names:
         if not name.isprintable() or "*/" in name or '"' in name or "\\" in name:
-            raise Refused(f"'{name}' cannot stand in a C header", "rename the axis or the unit")
+            raise Refused(f"'{name}' is not allowed in a C header", "rename the axis or the unit")
 
 
 def labelled_rows(names: Sequence[str], values: Sequence[Sequence[float]]) -> str:

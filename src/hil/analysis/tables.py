@@ -51,5 +51,5 @@ def as_csv(columns: Sequence[Column], rows: Iterable[Sequence[float | str]]) -> 
     lines += [[column.written(value) for column, value in zip(columns, row, strict=True)] for row in rows]
     wrong = next((text for line in lines for text in line if any(mark in text for mark in ',"\r\n')), None)
     if wrong is not None:
-        raise ValueError(f"{wrong!r} cannot stand in a table without quotes")
+        raise ValueError(f"{wrong!r} is not allowed in a table without quotes")
     return "".join(",".join(line) + "\n" for line in lines)

@@ -216,7 +216,7 @@ def past(world: World, reports: Path, day: str) -> World:
         known = f"the first one is of {first}" if first else "there is none yet"
         raise Refused(
             f"no catalogue was recorded up to {day}: {known}",
-            "hil audit --record enters the present one into the ledger; past ones cannot be made up",
+            "hil audit --record enters the present one into the ledger; past ones cannot be reconstructed",
         )
     register = Register(
         duts={each.serial: each for each in duts or ()},

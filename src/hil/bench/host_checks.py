@@ -101,7 +101,7 @@ def _groups(computer: Computer) -> Iterator[Check]:
         if not needed:
             yield Check(name=f"group {name}", ok=None, detail="no port needs it")
         elif computer.user == "root":
-            yield Check(name=f"group {name}", ok=None, detail="root opens every port; a user of its own is safer")
+            yield Check(name=f"group {name}", ok=None, detail="root may open every port; a dedicated user is safer")
         elif gid in computer.groups:
             yield Check(name=f"group {name}", ok=True, detail=f"{computer.user} is in it")
         elif computer.user in users:
@@ -135,7 +135,7 @@ def _ports(computer: Computer) -> Iterator[Check]:
         if not path.name.startswith("i2c-") and (users := list(computer.used_by(path)))
     ]
     if not found:
-        yield Check(name="ports", ok=None, detail="no USB serial port, I2C bus or USB instrument is there")
+        yield Check(name="ports", ok=None, detail="no USB serial port, I2C bus or USB instrument found")
     elif closed:
         todo = "install the udev rules of its bench: hil bench setup NAME --print udev"
         yield Check(name="ports", ok=False, detail=f"cannot be opened: {', '.join(closed)}", todo=todo)
@@ -186,13 +186,13 @@ def _sleep(computer: Computer) -> Iterator[Check]:
     """Check that a run can inhibit sleep, and that no lid or desktop can suspend the computer in spite of it."""
     logind = computer.at("/run/systemd/system").exists() and computer.at("/run/dbus/system_bus_socket").exists()
     if computer.inhibitor or logind:
-        detail = "the workspace's own inhibitor" if computer.inhibitor else "logind holds it off while a run lasts"
+        detail = "the workspace's own inhibitor" if computer.inhibitor else "logind inhibits it during a run"
         yield Check(name="sleep", ok=True, detail=detail)
     else:
         yield Check(
             name="sleep",
             ok=False,
-            detail="there is no logind: nothing can hold it off, and no bench of hardware is armed",
+            detail="there is no logind: nothing can inhibit it, so no hardware bench can be armed",
             todo='give a command of your own in hil.toml: [hardware] inhibitor = ["PROGRAM"]',
         )
     if any(computer.at("/proc/acpi/button/lid").glob("*")):
@@ -208,7 +208,7 @@ def _sleep(computer: Computer) -> Iterator[Check]:
     if mains:
         online = any(computer.text(f"{computer.named(path)}/online") == "1" for path in mains)
         todo = "" if online else "plug in the power supply of the computer"
-        yield Check(name="power", ok=online, detail="from the mains" if online else "from its battery", todo=todo)
+        yield Check(name="power", ok=online, detail="mains" if online else "battery", todo=todo)
 
 
 def _logind(computer: Computer) -> str:
@@ -224,7 +224,9 @@ def _clock(computer: Computer) -> Iterator[Check]:
     yield Check(
         name="clock",
         ok=bool(running),
-        detail=f"kept by {running}" if running else "no time server keeps it: dates in evidence may be wrong",
+        detail=f"synchronised by {running}"
+        if running
+        else "not synchronised to a time server: dates in evidence may be wrong",
         todo="" if running else "sudo timedatectl set-ntp true",
     )
     rtc = computer.text("/sys/class/rtc/rtc0/since_epoch")
@@ -234,7 +236,7 @@ def _clock(computer: Computer) -> Iterator[Check]:
         return
     off = abs(int(rtc) - computer.now)
     ok = off <= _RTC_OFF_S
-    detail = "agrees" if ok else f"{off:.0f} s from the clock of the system"
+    detail = "agrees" if ok else f"{off:.0f} s off the system clock"
     yield Check(name="hardware clock", ok=ok, detail=detail, todo="" if ok else "sudo hwclock --systohc --utc")
 
 
@@ -255,7 +257,7 @@ def _latches(computer: Computer) -> Iterator[Check]:
     bench = computer.benches[0].name if computer.benches else "NAME"
     todo = f"hil bench setup {bench} --print tmpfiles | sudo tee /etc/tmpfiles.d/hil.conf"
     todo += " && sudo systemd-tmpfiles --create"
-    detail = f"{place} is not there; {PLACES[1]} is used, which a clean-up may empty"
+    detail = f"{place} is missing; {PLACES[1]} is used, which the system may clean up"
     yield Check(name="latches", ok=False, detail=detail, todo=todo)
 
 

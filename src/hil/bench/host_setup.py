@@ -42,7 +42,7 @@ def setup_text(kind: str, spec: BenchSpec, host: Host) -> str:
         Refused: if a value of the bench file cannot be written in it.
     """
     if not _SAFE.fullmatch(host.group):
-        raise Refused(f"'{host.group}' is no group", "name one such as dialout")
+        raise Refused(f"'{host.group}' is not a group", "name one such as dialout")
     return "\n".join(KINDS[kind](spec, host)) + "\n"
 
 
@@ -61,14 +61,14 @@ def _udev(spec: BenchSpec, host: Host) -> Iterator[str]:
     yield f'GOTO="{label}_end"'
     if usb:
         yield ""
-        yield "# The device: no modem manager sends it a byte, and it does not fall asleep between two readings."
+        yield "# The device: ignored by modem managers, and not suspended between readings."
         yield f'LABEL="{label}_device"'
         yield 'IMPORT{builtin}="path_id"'
         alone = ', ENV{ID_MM_DEVICE_IGNORE}="1", ATTR{power/control}="on"'
         yield from sorted({_device(item) + alone for item in usb})
         yield f'GOTO="{label}_end"'
         yield ""
-        yield f"# The port: a name that stays, for the group {host.group}."
+        yield f"# The port: a persistent name, for the group {host.group}."
         yield f'LABEL="{label}_port"'
         yield from (f'{_port(item)}{_given(spec, item, host)}, ENV{{ID_MM_PORT_IGNORE}}="1"' for item in usb)
         yield ""
@@ -123,14 +123,14 @@ def _given(spec: BenchSpec, item: InstrumentSpec, host: Host) -> str:
 def _text(value: str) -> str:
     """Return a text for a rule, in which some characters cannot be written."""
     if not _SAFE.fullmatch(value):
-        raise Refused(f"'{value}' cannot stand in a udev rule", "tell the device by another property")
+        raise Refused(f"'{value}' is not allowed in a udev rule", "identify the device by another property")
     return value
 
 
 def _polkit(spec: BenchSpec, host: Host) -> Iterator[str]:
     """Yield a rule that lets the group inhibit sleep and shutdown, also from remote sessions."""
     file = "/etc/polkit-1/rules.d/50-hil.rules"
-    yield f"// {file}: a run on hardware holds off sleep and shutdown, or it does not arm."
+    yield f"// {file}: a run on hardware arms only if it can inhibit sleep and shutdown."
     yield f"// hil bench setup {spec.name} --print polkit | sudo tee {file}"
     yield "polkit.addRule(function(action, subject) {"
     yield '    if ((action.id == "org.freedesktop.login1.inhibit-block-sleep" ||'
@@ -147,7 +147,7 @@ def _systemd(spec: BenchSpec, host: Host) -> Iterator[str]:
         (each.seconds for each in spec.watch_after), default=0
     )
     unit = f"hil-{spec.name}"
-    yield f"# ~/.config/systemd/user/{unit}.service: a run on bench {spec.name} that goes on after a logout."
+    yield f"# ~/.config/systemd/user/{unit}.service: a run on bench {spec.name} that survives logout."
     yield f"# hil bench setup {spec.name} --print systemd > ~/.config/systemd/user/{unit}.service"
     yield "# loginctl enable-linger"
     yield f"# echo 'HIL_ARGUMENTS=run PLAN --bench {spec.name} --dut SERIAL --operator NAME' > ~/.config/{unit}.env"
@@ -172,7 +172,7 @@ def _unit_text(path: Path) -> str:
     """Return a path escaped for a unit, in which `%` begins a specifier and a backslash an escape."""
     text = str(path)
     if not text.isprintable() or set(text) & set('"\\$'):
-        raise Refused(f"'{text}' cannot stand in a unit of systemd", "move the workspace, or its environment")
+        raise Refused(f"'{text}' is not allowed in a systemd unit", "move the workspace, or its environment")
     return text.replace("%", "%%")
 
 
@@ -180,7 +180,7 @@ def _tmpfiles(spec: BenchSpec, host: Host) -> Iterator[str]:
     """Yield lines for the folder of latches, in which nothing ages."""
     del host
     file = "/etc/tmpfiles.d/hil.conf"
-    yield f"# {file}: the folder in which latched benches are noted, for every user of this computer."
+    yield f"# {file}: the folder in which latched benches are recorded, for every user of this computer."
     yield f"# hil bench setup {spec.name} --print tmpfiles | sudo tee {file}"
     yield f"# sudo systemd-tmpfiles --create {file}"
     yield f"d {PLACES[0].parent} 0755 root root -"

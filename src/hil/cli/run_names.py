@@ -60,7 +60,7 @@ def find_running(asked: str) -> Path:
 
     folder = find_run(asked)
     if is_sealed(folder):
-        raise Refused(f"{folder.name} is sealed", "a sealed run accepts nothing more")
+        raise Refused(f"{folder.name} is sealed", "a sealed run cannot be changed")
     if not is_held(folder):
         raise Refused(
             f"{folder.name} is not running; it was interrupted", "hil resume continues it, hil seal seals it as it is"

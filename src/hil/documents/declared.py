@@ -45,7 +45,7 @@ _WORDS: dict[str, Callable[[dict[str, Any]], Complaint]] = {
     "greater_than_equal": lambda context: Complaint(f"must be at least {context['ge']:g}"),
     "less_than": lambda context: Complaint(f"must be below {context['lt']:g}"),
     "less_than_equal": lambda context: Complaint(f"must be at most {context['le']:g}"),
-    "string_pattern_mismatch": lambda context: Complaint(f"must look like {context['pattern']}"),
+    "string_pattern_mismatch": lambda context: Complaint(f"must match {context['pattern']}"),
     "too_short": lambda context: Complaint(f"needs at least {context['min_length']} entries", found=False),
     "too_long": lambda context: Complaint(f"may have {context['max_length']} entries at most", found=False),
 }

@@ -28,10 +28,10 @@ _QUOTE = 'write it in quotes: "{}"'
 _SURPRISES = (
     (
         re.compile(r"(yes|no|on|off)", re.IGNORECASE),
-        "is a flag to some readers and text to others",
+        "is a boolean to some YAML readers and text to others",
         f"write true or false, or {_QUOTE}",
     ),
-    (re.compile(r"(true|false)", re.IGNORECASE), "is a flag to some readers only", "write true or false"),
+    (re.compile(r"(true|false)", re.IGNORECASE), "is a boolean to some YAML readers only", "write true or false"),
     (re.compile(r"[-+]?0[0-9_]+|[-+]?0o[0-7_]+|[-+]?0b[01_]+"), "is octal or binary to some readers", _QUOTE),
     (re.compile(r"[-+]?[0-9]+(:[0-5]?[0-9])+(\.[0-9_]*)?"), "is a number to base 60 to some readers", _QUOTE),
     (re.compile(r"[-+]?[0-9]+_[0-9_]*"), "is a number to some readers only", _QUOTE),
@@ -229,6 +229,6 @@ class _Composer:
         mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
         problem = getattr(error, "problem", None) or getattr(error, "reason", None) or "no YAML"
         if "cannot start any token" in problem:
-            problem = "a character that cannot stand here, such as a tab; indent with spaces"
+            problem = "a character that is not allowed here, such as a tab; indent with spaces"
         line, column = (mark.line + 1, mark.column + 1) if mark else (0, 0)
         self._findings.add(Place(path=self._shown, line=line, column=column), f"not readable as YAML: {problem}")

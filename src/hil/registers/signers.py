@@ -116,7 +116,7 @@ class Signers:
         known = [each.principal for each in self.people]
         raise Refused(
             f"'{principal}' is not in fixtures/{SIGNERS}{did_you_mean(principal, known)}",
-            f"registered are: {', '.join(known)}" if known else "nobody is registered there: write the file first",
+            f"registered are: {', '.join(known)}" if known else "no signer is registered yet: write that file first",
         )
 
     def called(self, name: str) -> Signer | None:

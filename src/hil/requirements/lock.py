@@ -215,7 +215,7 @@ def _disagreement(item: Requirement, was: Locked | None, shown: str, *, writing:
     if item.rev == was.rev:
         return ""
     if not changed:
-        return f"the rev of {item.id} went from {was.rev} to {item.rev} and its meaning is the same, set it back"
+        return f"the rev of {item.id} went from {was.rev} to {item.rev}, but its meaning is the same: set it back"
     return "" if writing else f"rev {item.rev} of {item.id} is not locked, {_rerun(shown)}"
 
 

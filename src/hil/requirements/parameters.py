@@ -170,7 +170,7 @@ class Parameters:
         """
         parameter = self._parameter(name)
         if not parameter.unit:
-            raise HilError(f"parameter '{name}' is a text and has no unit", f"read it as parameters.{name}")
+            raise HilError(f"parameter '{name}' is text and has no unit", f"read it as parameters.{name}")
         values = parameter.value if isinstance(parameter.value, tuple) else (parameter.value,)
         plain = tuple(convert(float(value), parameter.unit, unit) for value in values)
         converted: tuple[float, ...] = stamped(plain, Provenance(sources=(f"parameter {name}",)))
@@ -194,7 +194,9 @@ class Parameters:
         if uncertainty:
             known = self.in_unit(uncertainty, parameter.unit)
         if isinstance(value, tuple) or isinstance(known, tuple):
-            raise HilError(f"parameter '{name}' as a figure: a list is no single number", "make it a parameter of one")
+            raise HilError(
+                f"parameter '{name}' as a figure: a list is not a single number", "make it a parameter of one"
+            )
         figure = Figure(value=value, unit=parameter.unit, uncertainty=known)
         return figure.with_provenance(
             Provenance(sources=tuple(f"parameter {each}" for each in (name, uncertainty) if each))

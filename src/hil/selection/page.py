@@ -146,7 +146,7 @@ def _places(cell: Cell, confidence: float) -> Iterator[str]:
             f'<td data-name="Value">{escaped(measured(each.value, each.expanded, "1"))}</td>'
             f'<td class="drawn">{_drawn(each, reach)}</td><td data-name="Best">{sure}</td>'
             f'<td data-name="Axis">{escaped(each.of) or "mean"}</td>'
-            f'<td data-name="Not told apart from">{escaped(", ".join(each.ties)) or "nobody"}</td></tr>\n'
+            f'<td data-name="Not told apart from">{escaped(", ".join(each.ties)) or "none"}</td></tr>\n'
         )
     for missing in cell.unjudged:
         why = "".join(f"<li>{escaped(reason)}</li>" for reason in missing.reasons)

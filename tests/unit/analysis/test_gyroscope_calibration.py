@@ -236,7 +236,7 @@ def test_the_c_header_holds_the_numbers_of_the_json():
 def test_a_name_that_would_end_a_comment_is_refused_in_c():
     """Axis names come from files."""
     calibration = replace(calibrate(readings()).calibration, unit="deg/s */")
-    with pytest.raises(Refused, match="cannot stand in a C header"):
+    with pytest.raises(Refused, match="is not allowed in a C header"):
         as_c_header(calibration)
 
 

@@ -187,7 +187,7 @@ def test_a_ledger_that_the_settings_do_not_name_is_told_and_counts_for_strict(ca
     told = audit(capsys, "--strict")[1].splitlines()[-1]
     assert told.startswith("NOT PINNED: the settings of the workspace name no ledger")
     first = read(workspace.reports).hashes[0]
-    assert told.endswith(f'write into hil.toml: ledger = "{first}"')
+    assert told.endswith(f'add to hil.toml: ledger = "{first}"')
     code, out, err = audit(capsys, "--format", "json")
     assert (code, err.strip()) == (0, told)
     json.loads(out)

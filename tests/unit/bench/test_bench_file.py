@@ -73,7 +73,7 @@ CHANGES = [
     ),
     (("certificates/mag1.txt", "certificates/mag2.txt"), "certificates/mag2", "no certificate 'certificates/mag2.txt'"),
     (("certificates/mag1.txt", "../adcs.txt"), "../adcs.txt", "no certificate '../adcs.txt' in the bench's folder"),
-    (("name: adcs", "name: adsc"), "adsc", "the bench is called 'adsc', but its folder 'adcs'"),
+    (("name: adcs", "name: adsc"), "adsc", "the bench is named 'adsc', but its folder is 'adcs'"),
     # What no reader asked for, at a port: other schemes of pyserial, another form, nobody who is expected there.
     *(
         ((PSU, f"port: {url}"), url, f"'{url.partition(':')[0]}://' is never opened")

@@ -96,8 +96,8 @@ def test_the_acknowledgement_of_an_open_run_waits_in_its_inbox(reports, capsys):
     assert (message.kind, message.by, message.text, len(message.sha256)) == ("ack", "Ada", TEXT, 64)
     assert not latches_of(SAFED)
     assert latches_of(SEALED)
-    assert "nothing waits for an acknowledgement" in said(capsys, "ack", "cd60b0", "--by", "A", "--text", "b")[2]
-    assert "nothing waits for an acknowledgement" in said(capsys, "ack", "cd60b0")[2]
+    assert "there is nothing to acknowledge" in said(capsys, "ack", "cd60b0", "--by", "A", "--text", "b")[2]
+    assert "there is nothing to acknowledge" in said(capsys, "ack", "cd60b0")[2]
 
 
 def test_the_acknowledgement_of_a_sealed_run_is_in_the_ledger(reports, capsys):
@@ -237,7 +237,7 @@ def test_a_safed_run_is_not_resumed_before_it_is_acknowledged(reports):
     from hil.executive.ending.acknowledging import acknowledge, require_acknowledged  # noqa: PLC0415
     from hil.model.errors import Refused  # noqa: PLC0415
 
-    with pytest.raises(Refused, match="nobody has acknowledged it") as refused:
+    with pytest.raises(Refused, match="that has not been acknowledged") as refused:
         require_acknowledged(reports / SAFED)
     assert f"hil ack {SAFED}" in refused.value.hint
     acknowledge(reports / SAFED, reports, by="Ada", text=TEXT)

@@ -113,7 +113,7 @@ def test_what_is_left_out_or_not_there_is_told(tmp_path):
 
 def test_impossible_options_are_refused(table):
     """A range that is none, and rows without time between them."""
-    with pytest.raises(Refused, match="--mean-voltage 3 is no range"):
+    with pytest.raises(Refused, match="--mean-voltage 3 is not a range"):
         run(table, *COLUMNS, "--mean-voltage", "3")
     with pytest.raises(Refused, match="--interval 0 is not possible"):
         run(table, "--interval", "0")
@@ -125,8 +125,8 @@ def test_impossible_options_are_refused(table):
         (("--skip", "-1"), "--skip -1 is not possible"),
         (("--counted", "0"), "--counted 0 is not possible"),
         (("--remaining", "2"), "--remaining 2 is not possible"),
-        (("--upper", "2", "--lower", "4"), "--upper 2 and --lower 4 are no range"),
-        (("--mean-voltage", "3.95,3.4"), "--mean-voltage 3.95,3.4 is no range"),
+        (("--upper", "2", "--lower", "4"), "--upper 2 and --lower 4 do not form a range"),
+        (("--mean-voltage", "3.95,3.4"), "--mean-voltage 3.95,3.4 is not a range"),
         (("--capacity", "0"), "--capacity 0 is not possible"),
         (("--capacity", "-1.4"), "--capacity -1.4 is not possible"),
         (("--energy", "nan"), "--energy nan is not possible"),

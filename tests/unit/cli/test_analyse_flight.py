@@ -78,7 +78,7 @@ def test_without_a_magnetometer_it_says_what_it_cannot_see():
 
 def test_counts_are_scaled_or_their_limit_is_given():
     """1 deg/s is no number of counts; rates in counts cannot be held against the field."""
-    with pytest.raises(Refused, match="LSB is no unit of a rate"):
+    with pytest.raises(Refused, match="LSB is not a unit of rate"):
         run(LOG, *RATES[:-1], "LSB")
     result = run(LOG, *RATES[:-1], "LSB", "--still", 1, *BOTH[6:])
     assert result.return_value == 0
@@ -89,8 +89,8 @@ def test_counts_are_scaled_or_their_limit_is_given():
 @pytest.mark.parametrize(
     ("options", "reason"),
     [
-        (("--time", "t", "--unit", "deg/s"), "--columns is missing: rest is told by the rates"),
-        (("--time", "t", "--unit", "deg/s", *BOTH[6:]), "missing: a field that stands still may be turned about"),
+        (("--time", "t", "--unit", "deg/s"), "--columns is missing: rest is detected from the rates"),
+        (("--time", "t", "--unit", "deg/s", *BOTH[6:]), "missing: a constant field allows rotation about itself"),
         (("--time", "t", "--columns", "gx,gy", "--unit", "deg/s"), "--columns names 2 columns"),
         ((*RATES, "--field", "mx,my", "--field-unit", "uT"), "--field names 2 columns"),
         ((*RATES, "--field", "mx,my,mz"), "--field and --field-unit belong together"),

@@ -119,7 +119,7 @@ def test_residuals_are_drawn_below_bias_and_scale(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "why"),
     [
-        ((*ALL, "--uncertainty", "1"), "--uncertainties and --uncertainty say the same"),
+        ((*ALL, "--uncertainty", "1"), "--uncertainties and --uncertainty exclude each other"),
         ((*REST, "--uncertainty", "0"), "an uncertainty is not above zero"),
         ((*REST, "--rates", "rate_x"), "--rates names 1 columns for 3 axes"),
         ((*REST, "--axes", "x,x,z"), "two axes have the same name"),

@@ -142,7 +142,7 @@ def test_noise_and_temperature_are_taken(tmp_path):
     ("options", "told"),
     [
         (("--columns", "x,y", "--unit", "uT"), "names 2 columns"),
-        ((*KNOWN, "--field", "48"), "say the same"),
+        ((*KNOWN, "--field", "48"), "exclude each other"),
         ((*REST, "--scale", "2"), "belong together"),
         ((*REST, "--field", "48", "--field-unit", "V"), "--field-unit"),
         ((*REST, "--method", "twostep"), "needs the magnitude"),

@@ -89,8 +89,8 @@ def test_what_is_wrong_is_inconclusive_and_not_exported(tmp_path, change, told):
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        (COUNTS, "the load is needed"),
-        ((*WHOLE, "--load", "20000"), "the load is needed, once"),
+        (COUNTS, "the load resistance is needed"),
+        ((*WHOLE, "--load", "20000"), "the load resistance is needed, exactly once"),
         ((*COUNTS[:4], *COUNTS[6:], "--load", "20000"), "need the reference"),
         (("--reading", "1", "--unit", "A", "--temperature", "3", "--load", "20000"), "--unit: "),
     ],

@@ -118,7 +118,7 @@ def test_the_density_needs_a_unit_that_fits(log):
     """And only one of the two options."""
     with pytest.raises(HilError):
         run(log, *UNTIMED, "--density", "3", "ug/sqrt(Hz)")
-    with pytest.raises(Refused, match="two words for one thing"):
+    with pytest.raises(Refused, match="mean the same"):
         run(log, *UNTIMED, "--density", "3", "deg/s/sqrt(Hz)", "--noise-density", "3")
 
 

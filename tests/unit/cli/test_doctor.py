@@ -17,7 +17,7 @@ FOUND = [
 ]
 
 
-@pytest.mark.parametrize(("found", "code", "last"), [(FOUND, 1, "1 of 3 not ok"), (FOUND[:2], 0, "fit for hardware")])
+@pytest.mark.parametrize(("found", "code", "last"), [(FOUND, 1, "1 of 3 not ok"), (FOUND[:2], 0, "ready for hardware")])
 def test_what_was_found_is_told(capsys, monkeypatch, found, code, last):
     """A line each, what to type below it, and an exit code; as JSON the same."""
     monkeypatch.setattr(doctor, "_checks", lambda: iter(found))

@@ -99,7 +99,7 @@ def test_what_cannot_be_is_refused(arguments, told):
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        ((*_SOLAR, "--alpha", "0.0006"), "--alpha corrects the curve, and it is not said to what"),
+        ((*_SOLAR, "--alpha", "0.0006"), "--alpha corrects the curve, but the target conditions are missing"),
         ((*_MAGNETOMETER, "--scale", "0", "--scaled-unit", "uT"), "--scale 0 is not possible"),
     ],
 )

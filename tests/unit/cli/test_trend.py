@@ -99,7 +99,7 @@ def test_a_parameter_over_runs_is_drawn(capsys, workspace):
     ("arguments", "answer"),
     [
         (("rate_eror",), "did you mean 'rate_error'?"),
-        (("rate_error", "--dut", "SN9"), "no run has the unit 'SN9'"),
+        (("rate_error", "--dut", "SN9"), "no run tested unit 'SN9'"),
         (("rate_error", "--requirement", "GYR-010"), "for GYR-010"),
         (("channels", "--plot", "x.svg"), "has no number to draw"),
     ],

@@ -95,8 +95,8 @@ def test_yaml_surprises_are_refused_as_values_and_as_keys(text):
 @pytest.mark.parametrize(
     ("text", "advice"),
     [
-        ("True", "is a flag to some readers only, write true or false"),
-        ("FALSE", "is a flag to some readers only, write true or false"),
+        ("True", "is a boolean to some YAML readers only, write true or false"),
+        ("FALSE", "is a boolean to some YAML readers only, write true or false"),
         (".inf", "is not a finite number, give a value, or leave the key out"),
         ("-.INF", "is not a finite number, give a value, or leave the key out"),
         (".nan", "is not a finite number, give a value, or leave the key out"),
@@ -110,7 +110,7 @@ def test_what_quotes_would_not_mend_is_not_to_be_quoted(text, advice):
 def test_a_tab_is_called_a_tab():
     """The parser of YAML only says that no token starts with it."""
     assert only_finding("key:\n\tother: 1\n").endswith(
-        ":2:1: not readable as YAML: a character that cannot stand here, such as a tab; indent with spaces"
+        ":2:1: not readable as YAML: a character that is not allowed here, such as a tab; indent with spaces"
     )
 
 
@@ -217,7 +217,7 @@ def test_many_values_without_quotes_are_told_together():
     assert len(caught.value.findings) == 31
     assert first[4] == 'a.yaml:5:7: `4.5` would lose its digits as a number, write it in quotes: "4.5"'
     assert len(first) == 5
-    assert flag.startswith("a.yaml:31:4: `yes` is a flag")
+    assert flag.startswith("a.yaml:31:4: `yes` is a boolean")
     assert rest.startswith("a.yaml: 25 more values without quotes, in lines 6, 7, 8,")
 
 

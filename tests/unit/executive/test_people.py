@@ -182,7 +182,7 @@ def test_a_bench_that_is_fit_for_it_needs_nobody():
         ({"cut_paths": TWO, "notify": ()}, "notify = "),
         ({"cut_paths": TWO[:1]}, "supply.charge needs 2 cut paths in addition to its own port"),
         ({}, "no cut path that needs no host.*supply.charge needs 2 cut paths"),
-        ({"cut_paths": TWO, "live": False}, "lives in this process needs nobody's attention"),
+        ({"cut_paths": TWO, "live": False}, "--unattended does not apply to a bench simulated in this process"),
         ({"unattended": False}, "--on-call names somebody for a run that is attended"),
     ],
 )

@@ -76,13 +76,13 @@ def test_no_bench_lies_outside_of_the_workspace_of_its_replay(copied, root):
 def test_a_package_without_a_layout_is_refused(copied, root, place):
     """Whatever stands in the place of the layout."""
     (copied / "data/place.json").write_text(place)
-    assert "place.json does not tell the workspace's layout" in refusal(copied, root)
+    assert "place.json does not give the workspace's layout" in refusal(copied, root)
 
 
 def test_a_package_without_a_run_is_refused(copied, root):
     """An empty journal is a sentence, and no error of the program."""
     (copied / "data/journal.jsonl").write_text("")
-    assert "its journal does not tell what was run" in refusal(copied, root)
+    assert "its journal does not say what was run" in refusal(copied, root)
 
 
 def test_results_without_cases_are_none(copied):

@@ -51,11 +51,11 @@ def test_without_a_workspace_there_is_a_way_out(tmp_path):
     ("text", "message"),
     [
         ('report = "x"\n', "hil.toml:1:1: unknown key 'report', did you mean 'reports'?"),
-        ("reports = 5\n", "hil.toml:1:1: workspace: 'reports' must be a text"),
+        ("reports = 5\n", "hil.toml:1:1: workspace: 'reports' must be text"),
         ("hardware = 5\n", "hil.toml:1:1: workspace: 'hardware' must be a mapping, found `5`"),
         ("[hardware]\ninhibiter = []\n", "hil.toml:2:1: unknown key 'inhibiter', did you mean 'inhibitor'?"),
         ('[hardware]\ninhibitor = "awake"\n', "hil.toml:2:1: hardware: 'inhibitor' must be a list of texts: a program"),
-        ("name = 1.5\n", "hil.toml:1:1: workspace: 'name' must be a text that can be the name of a file, found `1.5`"),
+        ("name = 1.5\n", "hil.toml:1:1: workspace: 'name' must be text that can be a file name, found `1.5`"),
         ('name = "a"\nnotify = [1979-05-27]\n', "hil.toml:2:1: workspace: 'notify' must be a list of texts"),
         ("reports = \n", "hil.toml:1:11: not readable as TOML: Invalid value"),
         ('name = "a"\n\nname = "b"\n', "hil.toml:3:11: not readable as TOML: Cannot overwrite a value"),
@@ -132,7 +132,7 @@ def test_wrong_settings_of_a_project_file_are_told_at_their_line(tmp_path):
     (tmp_path / "pyproject.toml").write_text('[project]\nname = 5\n\n[tool.hil]\nname = "a"\n  reports = 5\n')
     with pytest.raises(ConfigurationError) as caught:
         find_workspace(tmp_path)
-    assert str(caught.value).startswith("pyproject.toml:6:3: workspace: 'reports' must be a text")
+    assert str(caught.value).startswith("pyproject.toml:6:3: workspace: 'reports' must be text")
 
 
 @pytest.mark.parametrize("text", ["tool = 3", "[tool]\nhil = 3", "[[tool]]\nhil = {}", "[tool.hil]\ntestplans = 3"])
@@ -147,7 +147,7 @@ def test_a_project_file_of_odd_types_is_no_internal_error(tmp_path, text):
 def test_settings_that_can_name_no_folder_are_told(tmp_path, text):
     """NUL and nothing are no names."""
     (tmp_path / "hil.toml").write_text(text)
-    with pytest.raises(ConfigurationError, match="must be a (text|name)"):
+    with pytest.raises(ConfigurationError, match="must be (text|a name)"):
         find_workspace(tmp_path)
 
 

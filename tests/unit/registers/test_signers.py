@@ -49,7 +49,7 @@ def test_without_a_register_it_has_to_be_written_first(tmp_path):
     """Nobody is in a register that does not exist: its list of names would be empty."""
     with pytest.raises(Refused) as refused:
         load_signers(tmp_path).find("bo@example.com")
-    assert refused.value.hint == "nobody is registered there: write the file first"
+    assert refused.value.hint == "no signer is registered yet: write that file first"
 
 
 def test_a_workspace_says_what_a_package_needs(tmp_path):

@@ -135,7 +135,7 @@ def test_a_number_in_a_unit_with_a_factor_needs_its_unit(load):
     assert parameters.in_unit("rests", "s") == (3600.0, 7200.0)
     with pytest.raises(HilError, match="'cm' does not convert to 's'"):
         parameters.in_unit("length", "s")
-    with pytest.raises(HilError, match="parameter 'word' is a text and has no unit"):
+    with pytest.raises(HilError, match="parameter 'word' is text and has no unit"):
         parameters.in_unit("word", "m")
     assert parameters.problem_with("length").startswith("parameter 'length' is in cm")
     assert (parameters.problem_with("word"), parameters.problem_with("in_unit")) == ("", "")
@@ -225,7 +225,7 @@ def test_a_parameter_as_a_figure_is_named_and_measures_nothing(load):
     assert (figure * 2).provenance.sources == ("parameter shunt", "parameter shunt_u")
     assert (figure.provenance.measured, figure.provenance.unproven) == (False, ())
     assert parameters.figure("shunt").uncertainty is None
-    with pytest.raises(HilError, match="a list is no single number"):
+    with pytest.raises(HilError, match="a list is not a single number"):
         parameters.figure("temperatures")
     with pytest.raises(HilError, match="did you mean 'shunt'"):
         parameters.figure("shunk")

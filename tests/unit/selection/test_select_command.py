@@ -91,7 +91,7 @@ def test_all_packages_of_a_workspace_take_part(capsys, workspace):
         "  Smallest error  One  (0.100 ± 0.020) deg/s  100.0%",
         "  overall: One 100%, Two 0%",
         "  Smallest error: By the mean of the axes it would be One or Two",
-        "1 did not count; --format html --output DIR tells each with its reason",
+        "1 did not count; --format html --output DIR lists each with its reason",
     ]
 
 

@@ -152,7 +152,8 @@ def spectrum(data: ArrayLike, rate: float, *, unit: str = "1", how: Welch = _USU
     length = _default(values, holes=bool(missing)) if how.segment is None else how.segment
     if not 4 <= length <= values.size:
         raise Refused(
-            f"a segment of {length} samples is not possible", f"the record has {values.size}: choose from 4 to that"
+            f"a segment of {length} samples is not possible",
+            f"the record has {values.size} samples: choose 4 to {values.size}",
         )
     if not 0.0 < rate < math.inf:
         raise Refused(f"{rate:g} Hz is no sampling rate", "give a number above zero")

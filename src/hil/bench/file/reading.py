@@ -70,7 +70,7 @@ def _check_name(document: Document[BenchSpec], path: Path, findings: Findings) -
     name = document.model.name
     if name and path.parent.name != name:
         findings.add(
-            document.place(("bench", "name")), f"the bench is called '{name}', but its folder '{path.parent.name}'"
+            document.place(("bench", "name")), f"the bench is named '{name}', but its folder is '{path.parent.name}'"
         )
 
 

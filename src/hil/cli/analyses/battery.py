@@ -203,7 +203,7 @@ def _refuse_impossible(
     upper, lower = limits.upper or 0.0, limits.lower or 0.0
     if not 0.0 <= lower < upper < math.inf:
         raise Refused(
-            f"--upper {upper:g} and --lower {lower:g} are no range",
+            f"--upper {upper:g} and --lower {lower:g} do not form a range",
             "give the higher voltage in V, at which a charge ends, as --upper",
         )
     if skip < 0:
@@ -223,9 +223,9 @@ def _span_of(text: str) -> tuple[float, float]:
     try:
         low, high = map(float, text.split(","))
     except ValueError:
-        raise Refused(f"--mean-voltage {text} is no range", "give two voltages as 3.4,3.95") from None
+        raise Refused(f"--mean-voltage {text} is not a range", "give two voltages as 3.4,3.95") from None
     if not 0.0 < low < high < math.inf:
-        raise Refused(f"--mean-voltage {text} is no range", "give the lower voltage first, as 3.4,3.95")
+        raise Refused(f"--mean-voltage {text} is not a range", "give the lower voltage first, as 3.4,3.95")
     return low, high
 
 

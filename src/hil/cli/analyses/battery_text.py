@@ -160,7 +160,7 @@ def as_text(result: Result) -> str:
 def _no_fade(result: Result) -> str:
     made = result.summary.cycles
     if made and result.capacity is None and all(cycle.charge is None for cycle in made):
-        return "no fade: the log holds discharges only; give --capacity, against which to tell whole ones"
+        return "no fade: the log holds discharges only; give --capacity, to identify complete ones"
     told = f"{len(result.summary.compared)} of {_count(len(made))} complete"
     return f"no fade: {told}; it needs three after those that --skip leaves out"
 

@@ -99,7 +99,7 @@ def _sensors(wanted: Wanted, field: str | None, unit: str | None, full_scale: fl
         if columns is not None and columns.count(",") != 2:
             raise Refused(f"{option} names {columns.count(',') + 1} columns", "name those of x, y and z")
     if wanted.columns is None:
-        reason = "rest is told by the rates" if field is None else "a field that stands still may be turned about"
+        reason = "rest is detected from the rates" if field is None else "a constant field allows rotation about itself"
         hint = "name the columns of the rates of x, y and z"
         alone = "; hil analyse magnetometer calibrates from the field alone"
         raise Refused(f"--columns is missing: {reason}", hint if field is None else f"{hint}{alone}")
@@ -120,7 +120,7 @@ def _rates(unit: str, still: float | None) -> tuple[float, float]:
     except HilError:
         if still is None:
             raise Refused(
-                f"{unit} is no unit of a rate, so that 1 deg/s is not known in it",
+                f"{unit} is not a unit of rate, so 1 deg/s does not convert to it",
                 "give --scale and --scaled-unit deg/s, or --still in this unit",
             ) from None
         return still, math.nan

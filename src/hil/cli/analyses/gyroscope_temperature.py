@@ -122,7 +122,7 @@ def gyroscope_temperature(  # noqa: PLR0913 - one argument per option
     from hil.cli.analyses import gyroscope_text  # noqa: PLC0415 - start-up stays light
 
     if uncertainties and uncertainty is not None:
-        raise Refused("--uncertainties and --uncertainty say the same", "give one of them")
+        raise Refused("--uncertainties and --uncertainty exclude each other", "give one of them")
     names = _split(axes)
     columns = _Columns(
         temperature=temperature,
@@ -239,7 +239,7 @@ def _copied(table: Table) -> tuple[Gate, ...]:
     if times == 1:
         return ()
     counted = "twice" if times == 2 else "three times"
-    reason = f"the same {len(table.values) // times} rows stand {counted}: they tell no more than once"
+    reason = f"the same {len(table.values) // times} rows appear {counted}: repeated rows add no information"
     return (Gate(name="repeated", channel="", ok=False, reason=reason),)
 
 
@@ -250,14 +250,14 @@ def _finite(file: Path, table: Table) -> None:
     if rows.size:
         raise Refused(
             f"{file}: row {rows[0] + 1} has no finite number in column {table.names[places[0]]}",
-            "mend or remove the row",
+            "correct or remove the row",
         )
     rows, places = np.nonzero(np.abs(table.values) > _LARGEST)
     if rows.size:
         number = table.values[rows[0], places[0]]
         raise Refused(
             f"{file}: row {rows[0] + 1} has {number:.3g} in column {table.names[places[0]]}, which cannot be squared",
-            "mend or remove the row",
+            "correct or remove the row",
         )
 
 

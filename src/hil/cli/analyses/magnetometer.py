@@ -139,9 +139,9 @@ def _agree(scale: float | None, scaled_unit: str | None, field: float | None, fi
     if (scale is None) != (scaled_unit is None):
         raise Refused("--scale and --scaled-unit belong together", "give both, or neither")
     if scale == 0.0:
-        raise Refused("--scale 0 is not possible", "give how many --scaled-unit one --unit is")
+        raise Refused("--scale 0 is not possible", "give the factor from --unit to --scaled-unit")
     if field is not None and field_column is not None:
-        raise Refused("--field and --field-column say the same", "give one of them")
+        raise Refused("--field and --field-column exclude each other", "give one of them")
 
 
 def _factor(field_unit: str | None, unit: str) -> float:

@@ -129,7 +129,7 @@ def _read(
     from hil.logs.columns import read  # noqa: PLC0415 - start-up stays light
 
     if (asked["load"] is None) == (asked["load_column"] is None):
-        raise Refused("the load is needed, once", "give --load or --load-column")
+        raise Refused("the load resistance is needed, exactly once", "give --load or --load-column")
     factor = _volts(asked)
     columns = {name: asked[name] for name in ("reading", "temperature", "load_column", "light") if asked[name]}
     table = read(file, list(columns.values()))

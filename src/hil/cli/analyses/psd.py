@@ -125,7 +125,7 @@ def _sheet(wanted: Wanted, density: tuple[float, str] | None) -> float | None:
     if density is None:
         return wanted.noise_density
     if wanted.noise_density is not None:
-        raise Refused("--density and --noise-density are two words for one thing", "give --density VALUE UNIT alone")
+        raise Refused("--density and --noise-density mean the same", "give --density VALUE UNIT alone")
     unit = f"{wanted.result_unit}/sqrt(Hz)"
     try:
         value = convert(density[0], density[1], unit)

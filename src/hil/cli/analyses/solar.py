@@ -112,7 +112,9 @@ def _read(file: Path, asked: Mapping[str, Any]) -> tuple[_Columns, tuple[Gate, .
         raise Refused("--to needs what the curve was measured at", "give --irradiance and --temperature, too")
     idle = [name for name in _COEFFICIENTS if asked[name] and not asked["to"]]
     if idle:
-        raise Refused(f"--{idle[0]} corrects the curve, and it is not said to what", "give --to, or leave it out")
+        raise Refused(
+            f"--{idle[0]} corrects the curve, but the target conditions are missing", "give --to, or leave it out"
+        )
     given = [name for name in _UNITS if asked[name]]
     table = read(file, [asked[name] for name in given])
     found = {name: np.ones(len(table.values)) for name in _UNITS}

@@ -102,9 +102,9 @@ def _job_of(file: Path, sources: Mapping[str, str], formula: str, columns: Mappi
     from hil.logs.published import Job, Source, Statement  # noqa: PLC0415 - start-up stays light
 
     if not sources:
-        raise Refused("it is not said what the table was computed from", "give --from NAME=CSV and --formula")
+        raise Refused("the tables that it was computed from are missing", "give --from NAME=CSV and --formula")
     if not (formula or columns):
-        raise Refused("it is not said how the table was computed", "give --formula, such as --formula '100*(b-a)/a'")
+        raise Refused("the formula is missing", "give --formula, such as --formula '100*(b-a)/a'")
     tables = tuple(Source(file=path, name=path) for path in dict.fromkeys((str(file), *sources.values())))
     statement = Statement(published=str(file), sources=dict(sources), formula=formula, columns=dict(columns))
     return Job(tables=tables, checks=(statement,))

@@ -140,8 +140,8 @@ def _missing_pin(world: World, folders: Folders) -> str:
     with file.open("rb") as lines:
         first = hashlib.sha256(lines.readline()).hexdigest()
     return (
-        "NOT PINNED: the settings of the workspace name no ledger, so that another one in its place would be believed; "
-        f'write into hil.toml: ledger = "{first}"'
+        "NOT PINNED: the settings of the workspace name no ledger, so a replaced one would go unnoticed; "
+        f'add to hil.toml: ledger = "{first}"'
     )
 
 
@@ -177,7 +177,9 @@ def _require_reason(because: str, by: str, *, record: bool) -> None:
     if because and not (because.strip() and because.isprintable()):
         raise Refused("--because must be one line", 'say why: --because "entered for the wrong unit"')
     if bool(because) != bool(by) or (because and not record):
-        raise Refused("--record, --because and --by are given together", "say why, and who says so")
+        raise Refused(
+            "--record, --because and --by belong together", "give the reason with --because, and your name with --by"
+        )
 
 
 def workspace_folders() -> Folders:

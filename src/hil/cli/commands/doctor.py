@@ -60,7 +60,7 @@ def _tell(found: list[Check]) -> None:
         for line in each.todo.split(" && ") if each.todo else ():
             click.echo(visible(f"{'':{_LABEL}}  {line}"))
     wrong = sum(each.ok is False for each in found)
-    click.echo(f"{wrong} of {len(found)} not ok" if wrong else "fit for hardware")
+    click.echo(f"{wrong} of {len(found)} not ok" if wrong else "ready for hardware")
 
 
 def _python(version: tuple[int, ...], optimize: int) -> Check:

@@ -66,7 +66,7 @@ def command(  # noqa: PLR0913, PLR0917 - one argument per option
     from hil.report.export.package import ExportRequest, export_package  # noqa: PLC0415 - heavy
 
     if not (as_csv or as_mat):
-        raise Refused("no format is named", "add --csv or --mat")
+        raise Refused("no format is given", "add --csv or --mat")
     if not as_csv and (separator or decimal or facts):
         raise Refused("--separator, --decimal and --facts apply to text tables only", "add --csv, or leave them out")
     if compress and not as_mat:

@@ -53,7 +53,7 @@ def command(bench: str | None, dut: str | None, plan: str | None, verdict: str |
     if chosen:
         click.echo("\n".join(_lines(chosen, _width())))
     if checked := next((run.checked for run in chosen if run.checked), ""):
-        click.echo(f"looked at: {checked}\nhil verify RUN reads everything", err=True)
+        click.echo(f"checked: {checked}\nhil verify RUN reads everything", err=True)
     if not chosen:
         click.echo("no matching runs" if everything else "no runs yet")
         for line in _there(everything, bench=bench, dut=dut, plan=plan):

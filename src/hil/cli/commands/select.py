@@ -143,14 +143,14 @@ def _lines(document: Document) -> Iterator[str]:
                 yield from fitting([f"  not judged: {each}" for each in told], _WIDTH)
                 yield from fitting([f"  {cell.criterion}: {note}" for note in cell.notes], _WIDTH)
     if count := len(document.excluded):
-        yield f"{count} did not count; --format html --output DIR tells each with its reason"
+        yield f"{count} did not count; --format html --output DIR lists each with its reason"
 
 
 def _row(cell: Cell) -> tuple[str, ...]:
     from hil.report.numbers import measured  # noqa: PLC0415 - heavy
 
     if not cell.standings:
-        return cell.criterion, "nobody", "", "", ""
+        return cell.criterion, "none", "", "", ""
     first = cell.standings[0]
     value = measured(first.value, first.expanded, cell.unit)
     of_all = f"{len(cell.standings)} of {len(cell.standings) + len(cell.unjudged)} judged" if cell.unjudged else ""

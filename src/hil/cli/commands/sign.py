@@ -61,6 +61,7 @@ def subject_of(run: str) -> tuple[Path, Subject]:
     found = verify(folder)
     if found.state is not State.SEALED or not found.sure:
         raise Refused(
-            f"{folder.name} is {found.state}: {found.problem or found.ledger}", "only what verifies can be signed"
+            f"{folder.name} is {found.state}: {found.problem or found.ledger}",
+            "only a package that verifies can be signed",
         )
     return folder, Subject(run=found.run, evidence=found.evidence_digest, operator=found.operator)

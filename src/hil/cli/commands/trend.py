@@ -92,12 +92,14 @@ def _nothing(sealed: Sequence[RunSummary], parameter: str, *, requirement: str |
         return Refused("there is no sealed run yet", "hil run starts one")
     if parameter not in known:
         there = ", ".join(sorted(known)) or "none"
-        return Refused(f"no run checked '{parameter}'{did_you_mean(parameter, known)}", f"checked were: {there}")
+        return Refused(
+            f"no run checked '{parameter}'{did_you_mean(parameter, known)}", f"parameters that were checked: {there}"
+        )
     units = sorted({run.dut for run in sealed if run.dut})
     for serial in duts:
         if serial not in units:
             return Refused(
-                f"no run has the unit '{serial}'{did_you_mean(serial, units)}", f"there are: {', '.join(units)}"
+                f"no run tested unit '{serial}'{did_you_mean(serial, units)}", f"tested units: {', '.join(units)}"
             )
     where = f" for {requirement}" if requirement else ""
     return Refused(f"no check of '{parameter}'{where} meets all of these options", "leave one out")

@@ -162,7 +162,7 @@ def _said(found: Verification) -> tuple[list[tuple[str, str]], list[str]]:
     ledger = read(found.folder.resolve().parent)
     problems = list(stray_files(ledger, found.run))
     if not ledger.of(Signed, found.run) and not ledger.of(Approved, found.run):
-        return [("signed", "by nobody")], problems
+        return [("signed", "no")], problems
     subject = Subject(run=found.run, evidence=found.evidence_digest, operator=found.operator)
     said = said_of(ledger, subject, load_signers(fixtures_folder()))
     problems += [f"does not count: {each.kind} {each}: {each.problem}" for each in said if each.problem]

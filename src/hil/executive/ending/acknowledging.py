@@ -51,7 +51,7 @@ def require_acknowledged(folder: Path) -> None:
     """
     if not is_acknowledged(folder):
         raise Refused(
-            f"{folder.name}: the guardian ended this run, and nobody has acknowledged it",
+            f"{folder.name}: the guardian ended this run, and that has not been acknowledged",
             f"check the bench, then: {ack_line(folder.name)}",
         )
 
@@ -76,7 +76,7 @@ def acknowledge(folder: Path, reports: Path, *, by: str, text: str) -> Acknowled
     _require_over(folder)
     there = (folder / JOURNAL).is_file()
     if not latches and not (there and waits_for_ack(folder)):
-        raise Refused(f"{folder.name}: nothing waits for an acknowledgement", "hil status shows the state of a run")
+        raise Refused(f"{folder.name}: there is nothing to acknowledge", "hil status shows the state of a run")
     if not by or not text:
         missing = " and ".join(name for name, value in (("--by NAME", by), ("--text TEXT", text)) if not value)
         raise Refused(f"an acknowledgement needs {missing}", ack_line(folder.name))

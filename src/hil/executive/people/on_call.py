@@ -41,7 +41,8 @@ def require_unattended(configuration: Configuration) -> None:
         return
     if configuration.reach is None:
         raise Refused(
-            "a bench that lives in this process needs nobody's attention", "leave --unattended out, or use --detach"
+            "--unattended does not apply to a bench simulated in this process",
+            "leave --unattended out, or use --detach",
         )
     missing = list(_missing(configuration))
     if missing:

@@ -224,7 +224,7 @@ def find_earlier(folder: Path) -> Earlier:
         EvidenceError: if its journal is damaged.
     """
     if is_sealed(folder):
-        raise Refused(f"{folder.name} is sealed", "a sealed run is not changed; start a new one")
+        raise Refused(f"{folder.name} is sealed", "a sealed run cannot be resumed; start a new one")
     require_known_format(read_journal(folder / JOURNAL))
     with hold(folder):
         torn = _cut(folder)

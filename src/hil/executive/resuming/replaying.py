@@ -46,7 +46,7 @@ def unpack(package: Package, root: Path) -> None:
     """
     run = package.state.run
     if run is None or run.overrides is None or run.skips is None:
-        raise EvidenceError(f"{package.name}: its journal does not tell what was run", "see hil verify")
+        raise EvidenceError(f"{package.name}: its journal does not say what was run", "see hil verify")
     layout = _layout(package)
     testplans, fixtures = (_within(root, layout[name], package) for name in _LAYOUT)
     bench = _within(fixtures / "benches", run.bench, package)
@@ -90,7 +90,7 @@ def _layout(package: Package) -> Mapping[str, str]:
     place = package.json("data/place.json")
     layout = place.get("workspace") if isinstance(place, dict) else None
     if not isinstance(layout, dict) or not all(isinstance(layout.get(name), str) for name in _LAYOUT):
-        raise EvidenceError(f"{package.name}: its place.json does not tell the workspace's layout", "see hil verify")
+        raise EvidenceError(f"{package.name}: its place.json does not give the workspace's layout", "see hil verify")
     return layout
 
 
@@ -106,7 +106,7 @@ def replay_request(package: Package, root: Path, output: Path) -> Request:
     """Return the request of the recorded run, for its replay."""
     run = package.state.run
     if run is None:
-        raise EvidenceError(f"{package.name}: its journal does not tell what was run", "see hil verify")
+        raise EvidenceError(f"{package.name}: its journal does not say what was run", "see hil verify")
     return Request(
         start=root,
         plans=run.plans,

@@ -232,7 +232,7 @@ def reach_of(bench: BenchSpec, source: Source, served: Path | None) -> Reach | N
     if source is not Source.HARDWARE:
         return None
     if sys.platform != "linux":
-        raise Refused("hardware is driven on Linux only: no other system lets a guardian watch over it", _ELSEWHERE)
+        raise Refused("hardware is driven on Linux only: the guardian needs it", _ELSEWHERE)
     return reach_of_hardware(bench)
 
 

@@ -178,7 +178,7 @@ def freeze(configuration: Configuration, folder: Path) -> Frozen:
         where = shown(str(error.filename or folder))  # a write to a full disk does not name its file
         raise EvidenceError(f"{where}: cannot be frozen: {error.strerror}", _READABLE) from error
     except UnicodeEncodeError as error:
-        raise EvidenceError(f"{shown(error.object)}: this name is no text", "rename the file") from error
+        raise EvidenceError(f"{shown(error.object)}: this name is not text", "rename the file") from error
 
 
 def _freeze(configuration: Configuration, folder: Path) -> Frozen:

@@ -31,7 +31,7 @@ def pinned_environment(warnings: Sequence[str] = sys.warnoptions) -> dict[str, s
     """
     if any(each.partition(":")[0] in _FATAL for each in warnings):
         raise Refused(
-            "this Python makes errors of warnings, so that a library that warns would end the run",
+            "this Python turns warnings into errors, so a library that warns would end the run",
             "unset PYTHONWARNINGS, and start Python without -W",
         )
     kept = {key: value for key, value in os.environ.items() if not key.startswith("PYTEST_")}

@@ -62,7 +62,7 @@ def require_assertions(optimize: int = sys.flags.optimize) -> None:
     """
     if optimize:
         raise Refused(
-            "this Python leaves assertions out, so that a case that asserts judges nothing",
+            "this Python leaves assertions out, so a case that asserts would judge nothing",
             "unset PYTHONOPTIMIZE, and start Python without -O",
         )
 

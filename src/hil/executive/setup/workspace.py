@@ -30,7 +30,7 @@ _TABLE_OR_KEY = re.compile(r"\s*(?:\[+(?P<table>[^\[\]]+)\]|(?P<key>[\w\"'.-]+)\
 
 def _file_name(value: object) -> str:
     if not isinstance(value, str) or not value.strip():
-        raise Complaint("must be a text that can be the name of a file")
+        raise Complaint("must be text that can be a file name")
     if found := hidden_character(value):
         raise Complaint(f"must be a name that people can read; U+{ord(found[0]):04X} is not allowed in it", found=False)
     return value

@@ -85,7 +85,7 @@ def _outliving(
             scope = getattr(each, "scope", "function")
             if asked and scope != "function":
                 line = inspect.unwrap(each.func).__code__.co_firstlineno
-                who = f"the fixture {each.func.__name__} asks for '{asked[0]}', which each case has for itself"
+                who = f"the fixture {each.func.__name__} requests '{asked[0]}', which exists per case"
                 message = f"{who}: leave out scope='{scope}'"
                 yield Finding(_shown(each.func, configuration), line, 1, message)
 
@@ -132,7 +132,7 @@ def _unprovided(
                 who, path = f"the fixture {function.__name__}", _shown(function, configuration)
                 line = inspect.unwrap(function).__code__.co_firstlineno
         why = unwired(name, configuration) or f"which nothing provides{did_you_mean(name, known)}"
-        yield Finding(path, line, 1, f"{who} asks for '{name}', {why}")
+        yield Finding(path, line, 1, f"{who} requests '{name}', {why}")
 
 
 def _functions(

@@ -258,7 +258,7 @@ def require_answers(
         if attended.simulated is not None:
             hint = "the simulated person has no files, and knows what simulated.person in the bench file maps: give"
             hint += " answers with --answers FILE, or --ask to answer at the terminal"
-        raise Refused(f"nobody would answer {told}", hint)
+        raise Refused(f"there is nobody to answer {told}", hint)
 
 
 def require_witness_points(catalogue: Catalogue, run: Sequence[tuple[PlannedCase, Sequence[Foreseen]]]) -> None:

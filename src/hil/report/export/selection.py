@@ -68,7 +68,7 @@ def facts_of(package: Package, verified: Verification, begun: Recording) -> Fact
     """
     run = package.state.run
     if run is None:
-        raise EvidenceError(f"{package.name}: its journal does not tell what was run", "see hil verify")
+        raise EvidenceError(f"{package.name}: its journal does not say what was run", "see hil verify")
     ended = package.state.ended[begun.recording]
     return {
         "format": 1,
