@@ -56,10 +56,10 @@ class _Report:
         if self.now is None:
             return f"{told} is no longer in the register, and was never closed there"
         if self.now.disposition is None:
-            return f"{told} is open: nobody has decided what becomes of {_units(self.now.units)}"
+            return f"{told} is open: the disposition of {_units(self.now.units)} is undecided"
         if not self.now.complete:
-            return f"{told} is open: {self.now.disposition} is decided, and not done"
-        return f"{told} is open: {self.now.disposition} is not approved as it is now by anybody but its author"
+            return f"{told} is open: {self.now.disposition} is decided but not done"
+        return f"{told} is open: {self.now.disposition} is not approved in its present form by anyone but its author"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -130,7 +130,7 @@ class Accepted:
                 yield Code.STALE_DUT, f"{package.serial} was scrapped by {now.id}"
             elif package.began[:10] <= now.action.date:
                 told = f"{package.serial}: {now.disposition} by {now.id}, complete on {now.action.date}"
-                yield Code.STALE_DUT, f"{told}: evidence from before has to be obtained again"
+                yield Code.STALE_DUT, f"{told}: earlier evidence has to be repeated"
 
     def _closed(self, requirement: str, package: Package) -> Iterator[_Report]:
         unit = UnitName(part=package.part, serial=package.serial)
@@ -209,7 +209,7 @@ class Accepted:
         """Return why a waiver closes nothing, empty if it counts."""
         waiver = each.waiver
         if each.approval is None:
-            return "it is not approved as it is now by anybody but its author"
+            return "it is not approved in its present form by anyone but its author"
         if (waiver.rev, waiver.fingerprint) != (asked.rev, asked.fingerprint):
             of = f"rev {waiver.rev} ({waiver.fingerprint[:8]})"
             return f"it is for {of} of the requirement, which is now rev {asked.rev} ({asked.fingerprint[:8]})"
@@ -284,13 +284,13 @@ def _not_shown(each: _Shown, asked: Asked, world: World) -> Iterator[tuple[Code,
         yield Code.SUSPECT_REQ, f"it is for {was} of the requirement, which is now {now}"
     yield from _of_documents(item, world)
     if not each.approvals:
-        yield Code.AWAITING_APPROVAL, f"nobody has approved it as it is now, in the role {VERIFIES}"
+        yield Code.AWAITING_APPROVAL, f"it is not approved in its present form in the role {VERIFIES}"
     elif not _afterwards(each):
         yield Code.AWAITING_APPROVAL, f"it was approved before {item.date}, when it was not done"
     elif _counting(each, asked) is None:
         yield (
             Code.AWAITING_APPROVAL,
-            f"only {item.by}, who made it, approved it, and the requirement asks for somebody else",
+            f"only {item.by}, who made it, approved it, and the requirement demands somebody else",
         )
     yield from _too_old(item, asked, world)
     yield from _of_units(item, asked, world)

@@ -21,7 +21,7 @@ __all__ = ["CONDITIONS", "Claim", "Conditions", "of_claim"]
 
 _SHORT = 8
 _DAY_S = 86_400.0
-_REMOVED = " (taken out of the register since, and nobody has said why)"
+_REMOVED = " (since removed from the register, and the reason is not on record)"
 _ELSEWHERE = frozenset({"SIMULATED", "REPLAYED", "UNKNOWN"})
 """How a run's own reasons begin where bytes did not come from hardware."""
 
@@ -99,7 +99,7 @@ def _eligibility(claim: Claim) -> _Found:
     if claim.package.source != Source.HARDWARE and not elsewhere:
         yield Code.SIM_ONLY, f"the run's source is {claim.package.source or 'unknown'}"
     if not claim.result.eligible and not claim.result.reasons:
-        yield Code.NOT_ELIGIBLE, "its results say that it cannot close the requirement, and not why"
+        yield Code.NOT_ELIGIBLE, "its results say that it cannot close the requirement, without a reason"
 
 
 def _meaning(claim: Claim) -> _Found:
@@ -140,7 +140,7 @@ def _times(claim: Claim) -> _Found:
     """Its times agree with the order of the ledger, and with today."""
     package, today = claim.package, claim.world.date
     if why := claim.ledgered.backwards_of(package):
-        yield Code.INTEGRITY, f"the times of the run cannot be believed: {why}"
+        yield Code.INTEGRITY, f"the times of the run are implausible: {why}"
     if today and package.ended[:10] > today:
         yield Code.INTEGRITY, f"the run ended {package.ended[:10]}, which is after {today}: a clock is wrong"
 
@@ -148,7 +148,7 @@ def _times(claim: Claim) -> _Found:
 def _signature(claim: Claim) -> _Found:
     """The package is signed, where the workspace asks for it."""
     if claim.world.policy.signatures and not claim.world.policy.valid.get(claim.package.digest):
-        yield Code.UNSIGNED, "the package has no valid signature, and the workspace asks for one"
+        yield Code.UNSIGNED, "the package has no valid signature, and the workspace requires one"
 
 
 def _approval(claim: Claim) -> _Found:
@@ -229,7 +229,7 @@ def _without_late(claim: Claim, used: Instrument, entry: RegisteredInstrument | 
             late.append(f"certificate {each.number} of {each.date}, {entered}")
     if late:
         for code, text in _calibration_of(replace(entry, certificates=tuple(left)), claim.package):
-            yield code, f"{text}; {', '.join(late)}, was entered after the run was sealed, and proves nothing of it"
+            yield code, f"{text}; {', '.join(late)}, was entered after the run was sealed, and proves nothing about it"
 
 
 def _calibration_of(entry: RegisteredInstrument | None, package: Package) -> _Found:
@@ -258,14 +258,14 @@ def _analysis(claim: Claim) -> _Found:
         by = "the analysis that judged it" if package.analysis == now else f"the analysis {now[:_SHORT]}"
         yield (
             Code.STALE_ANALYSIS,
-            f"its replay on {again.utc[:10]} by {by} came out otherwise: hil replay shows the differences",
+            f"its replay on {again.utc[:10]} by {by} gave a different result: hil replay shows the differences",
         )
     elif not again and package.analysis != now:
         then = f"the analysis {package.analysis[:_SHORT]}" if package.analysis else "an analysis that is not recorded"
         yield (
             Code.STALE_ANALYSIS,
             (
-                f"it was judged by {then} of hil {package.version or 'of an unknown version'}, "
+                f"it was judged by {then} (hil {package.version or 'of an unknown version'}), "
                 f"and the analysis is now {now[:_SHORT]}: replay the package"
             ),
         )

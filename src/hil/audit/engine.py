@@ -88,9 +88,11 @@ def audit(world: World) -> Document:
     )
 
 
-_WITHDRAWN = Reason(code=Code.WITHDRAWN, text="it was withdrawn or taken out of the catalogue, and nobody has said why")
+_WITHDRAWN = Reason(
+    code=Code.WITHDRAWN, text="it was withdrawn or removed from the catalogue, and the reason is not on record"
+)
 _WITHDRAWN_FAILED = Reason(
-    code=Code.WITHDRAWN, text="it was withdrawn or taken out of the catalogue, and it failed before: sign what was done"
+    code=Code.WITHDRAWN, text="it was withdrawn or removed from the catalogue after a FAIL: sign what was done"
 )
 
 
@@ -101,7 +103,7 @@ def _asked(by: _Judging, packages: Iterable[Package]) -> dict[str, Asked]:
 
 
 def _failed(by: _Judging, packages: Iterable[Package]) -> dict[str, Asked]:
-    """Return the requirements that are gone and failed on hardware, and nobody has signed what was done about it."""
+    """Return the requirements that are gone and failed on hardware, and what was done about it is not signed."""
     found: dict[str, Asked] = {}
     known = {each.id: each for each in by.world.asked}
     for package in packages:
@@ -119,7 +121,7 @@ def _taken_out(asked: Asked, by: _Judging) -> Iterator[Reason]:
     if asked.id not in by.present:
         yield _WITHDRAWN if asked.id in removed.asked else _WITHDRAWN_FAILED
     for each in removed.parents.get(asked.id, ()):
-        yield Reason(code=Code.WITHDRAWN, text=f"{each} is no longer below it, and nobody has said why")
+        yield Reason(code=Code.WITHDRAWN, text=f"{each} is no longer below it, and the reason is not on record")
 
 
 def _children(asked: Mapping[str, Asked]) -> dict[str, tuple[str, ...]]:
@@ -311,7 +313,7 @@ def _against(
         if _doubtful(claim) and claim.package.problem:
             yield Reason(code=Code.INTEGRITY, text=claim.package.problem, package=claim.package.folder)
     if book.damage:
-        text = f"nobody can tell from the ledger which packages are missing: {book.damage}"
+        text = f"the ledger cannot show which packages are missing: {book.damage}"
         yield Reason(code=Code.INTEGRITY, text=text)
     for each in book.missing:
         yield Reason(code=Code.MISSING_PACKAGE, text=each.text, package=each.run)
@@ -337,7 +339,7 @@ def _fail(claim: Claim, *, later: bool, earlier: bool) -> Reason:
         text = f"it failed on {day}, after evidence that was good"
         return Reason(code=Code.SUPERSEDED_BY_FAIL, text=text, package=folder)
     if earlier:
-        text = f"it failed on {day}, and nobody has signed what was done about it"
+        text = f"it failed on {day}, and what was done about it is not signed"
         return Reason(code=Code.OPEN_NCR, text=text, package=folder)
     return Reason(code=Code.FAILED, text=f"it failed on {day}", package=folder)
 

@@ -46,7 +46,9 @@ def exceptions_of(packages: Sequence[Package]) -> Iterator[Exempted]:
 
 def problems_of(packages: Sequence[Package], book: Ledgered) -> Iterator[str]:
     """Give what is wrong with packages and ledger, in sentences."""
-    yield from (f"{each.name}: it was taken out or changed, and nobody has said why" for each in book.removed.told)
+    yield from (
+        f"{each.name}: it was removed or changed, and the reason is not on record" for each in book.removed.told
+    )
     yield from (each.text for each in book.missing)
     if book.doubted:
         yield book.doubted

@@ -18,7 +18,7 @@ DISPOSITION = "nonconformance"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Missing:
-    """A run that the ledger saw, and that is not there as it was; what it said is not known."""
+    """A run that the ledger saw, and that is not there as it was; its outcome is unknown."""
 
     run: str
     text: str
@@ -120,7 +120,7 @@ def _backwards(entries: Sequence[Entry], told: Mapping[int, str]) -> dict[str, s
 
 
 def _doubted(sentences: Sequence[str]) -> str:
-    more = f"; so it is with {len(sentences) - 1} more" if len(sentences) > 1 else ""
+    more = f"; likewise {len(sentences) - 1} more" if len(sentences) > 1 else ""
     return f"{sentences[0]}{more}" if sentences else ""
 
 
@@ -135,11 +135,11 @@ def _unsealed(heads: Sequence[Head], packages: Sequence[Package]) -> Iterator[Mi
         planned_only = len(its) == 1
         if run not in known and not planned_only and its[-1].source not in {Source.SIMULATED, Source.REPLAYED}:
             what = cut.get(run) or "it is not there"
-            text = f"{run} ran until {its[-1].utc}, and was not sealed: {what}; what it said is not known"
+            text = f"{run} ran until {its[-1].utc}, and was not sealed: {what}; its outcome is unknown"
             yield Missing(run=run, text=text)
 
 
 def _why(seal: Sealed, packages: Sequence[Package]) -> str:
     there = any(seal.run in {package.run, package.folder} for package in packages)
     what = "is there with another content" if there else "is not there"
-    return f"{seal.run} was sealed with {seal.dut} on {seal.bench} and {what}: what it said is not known"
+    return f"{seal.run} was sealed with {seal.dut} on {seal.bench} and {what}: its outcome is unknown"

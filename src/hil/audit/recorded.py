@@ -362,7 +362,7 @@ def policy_of(ledger: Ledger, packages: Iterable[Package], signers: Signers) -> 
 
 
 def _set_back(entry: Entry) -> str:
-    text = "follows one of a later day: a clock was wrong, and nobody knows what of it was there by then"
+    text = "follows one of a later day: a clock was wrong, so what was recorded by then is unknown"
     return f"line {entry.seq + 1} of the ledger, of {entry.utc}, {text}"
 
 

@@ -118,7 +118,7 @@ def _as_locked(asked: Sequence[Asked], folder: Path, folders: Folders, plan: str
     findings.raise_if_any()
     if locked is None:
         raise Refused(
-            f"{shown(folder, folders.root)} has no lock, so that nobody knows what it said before",
+            f"{shown(folder, folders.root)} has no lock, so its earlier meaning is unknown",
             "give the changed file under another name, outside of the plan",
         )
     return tuple(

@@ -156,7 +156,7 @@ def _problems(read: _Read) -> _Wrong:
 
 def _other_problems(read: _Read, at: Path, item: Requirement) -> _Wrong:
     if unseen := _UNSEEN.search(item.text):
-        yield (*at, "text"), f"the text holds character U+{ord(unseen[0]):04X}, which nobody sees: remove it"
+        yield (*at, "text"), f"the text holds character U+{ord(unseen[0]):04X}, which is invisible: remove it"
     if item.records is not None:
         yield from _names(read, (*at, "records", "channels"), "channel", item.records.channels)
         yield from _length_problems(read, (*at, "records"), item.records)

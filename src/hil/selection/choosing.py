@@ -239,7 +239,7 @@ class _Selection:
         if set(otherwise) != {each.candidate for each in standings if each.rank == 1}:
             yield f"{_SAID[other]} it would be {' or '.join(otherwise)}"
         if asked.criterion.unaliased and unknown:
-            yield f"Whether noise is aliased cannot be said of {', '.join(unknown)}: rate or bandwidth is not recorded"
+            yield f"Aliasing of noise cannot be judged for {', '.join(unknown)}: rate or bandwidth is not recorded"
 
 
 def _newest(packages: Iterable[Input]) -> dict[str, _Found]:
@@ -353,12 +353,12 @@ def _warnings(
     packages: Sequence[Input], chosen: _Selection, left_out: Sequence[str], missing: Sequence[str]
 ) -> Iterator[str]:
     if wrong := [each.run for each in packages if each.problem]:
-        yield f"Nothing of these counts, as they do not verify: {_listed(wrong)}"
+        yield f"These do not count, as they fail verification: {_listed(wrong)}"
     counted = [each for each in packages if chosen.used[each.digest]]
     for source in (Source.SIMULATED, Source.REPLAYED):
         if number := sum(each.source == source for each in counted):
             those = f"{number} of {len(counted)} packages that count {'is' if number == 1 else 'are'} {source}"
-            yield f"{source.upper()}: {those}; this says nothing of real sensors"
+            yield f"{source.upper()}: {those}; this says nothing about real sensors"
     for reason, parameters in sorted(chosen.unproven.items()):
         told = ", ".join(sorted(parameters))
         if reason == CALCULATED:
@@ -370,7 +370,7 @@ def _warnings(
     if left_out:
         yield f"Not given, though {'it has' if len(left_out) == 1 else 'they have'} such figures: {_listed(left_out)}"
     if missing:
-        yield f"The ledger names runs that are not here, and may have such figures: {_listed(missing)}"
+        yield f"The ledger names runs that are missing here and may have such figures: {_listed(missing)}"
 
 
 def _listed(runs: Sequence[str]) -> str:

@@ -23,7 +23,7 @@ __all__ = ["CALCULATED", "Input", "Taken", "gives", "read_input"]
 
 _RUINED = frozenset({Verdict.ERROR, Verdict.ABORTED})
 _STATUS: Mapping[str, str] = {
-    FigureStatus.UPPER_LIMIT: "it is an upper limit, and no measurement",
+    FigureStatus.UPPER_LIMIT: "it is an upper limit, not a measurement",
     FigureStatus.NOT_OBSERVABLE: "it is not observable in its record",
     FigureStatus.MODEL_REJECTED: "its model does not describe the record",
 }
@@ -211,9 +211,9 @@ def _problem(case: CaseOutcome, check: Check, number: float | None) -> str:
         (case.verdict in _RUINED, f"its case ended in {case.verdict}: {_told_of(case.reasons)}"),
         (bool(check.doubts), f"its data are in DOUBT: {_told_of(check.doubts)}"),
         (check.status in _STATUS, _STATUS.get(str(check.status), "")),
-        (number is None, "it is no number"),
+        (number is None, "it is not a number"),
         (check.verdict == Verdict.INCONCLUSIVE and not near, f"its check is INCONCLUSIVE: {_told_of([check.reason])}"),
-        (check.uncertainty is None, "its uncertainty is not known, so that nothing tells it from another"),
+        (check.uncertainty is None, "its uncertainty is unknown, so it cannot be told apart from others"),
     )
     return next((text for holds, text in reasons if holds), "")
 
@@ -228,7 +228,7 @@ def _unproven(check: Check) -> tuple[str, ...]:
 
 
 def _told_of(reasons: Iterable[str]) -> str:
-    return "; ".join(each for each in reasons if each) or "no reason is told"
+    return "; ".join(each for each in reasons if each) or "no reason is given"
 
 
 class _Conditions:

@@ -80,7 +80,7 @@ def _best(cell: Cell) -> str:
     of_all = len(cell.standings) + len(cell.unjudged)
     label = f'data-name="{plain(cell.criterion)}"'
     if not cell.standings:
-        return f'<td {label}><b class="open">nobody</b><span class="badge open">0 of {of_all} judged</span></td>'
+        return f'<td {label}><b class="open">none</b><span class="badge open">0 of {of_all} judged</span></td>'
     first = cell.standings[0]
     names = " or ".join(map(escaped, cell.best))
     tied = '<span class="soft">cannot be told apart</span>' if len(cell.best) > 1 else ""
@@ -200,7 +200,7 @@ def _listed(whats: Iterable[str]) -> str:
 
 def _packages(document: Document) -> Iterator[str]:
     yield (
-        '<h2 id="packages">What this was computed from</h2>\n'
+        '<h2 id="packages">Inputs</h2>\n'
         '<table class="packages"><thead><tr><th scope="col">Run</th>'
         '<th scope="col">Source</th><th scope="col">Bench</th><th scope="col">Unit</th><th scope="col">Purpose</th>'
         '<th scope="col" class="num">Figures</th><th scope="col">Evidence digest</th></tr></thead><tbody>\n'
@@ -218,11 +218,11 @@ def _packages(document: Document) -> Iterator[str]:
 
 def _method(document: Document) -> str:
     return (
-        '<h2 id="method">How it was computed</h2>\n'
-        "<p>The smallest magnitude is the best. Who cannot be told apart from another at "
-        f"{100.0 * document.confidence:g} % shares its places. The probability to be the best is that among the "
-        "candidates that were judged, by Student's distributions of all figures, taken as independent. Overall is the "
-        "share of the weights that a candidate wins by these probabilities. The range beside it is what it "
-        "wins if all of those that were not judged are better than it, and if none is.</p>\n"
-        f"<p>hil {escaped(document.version)}. Equal packages and criteria give this page byte for byte.</p>\n"
+        '<h2 id="method">Method</h2>\n'
+        "<p>The smallest magnitude is the best. Candidates that cannot be told apart at "
+        f"{100.0 * document.confidence:g} % share their places. The probability of being the best is that among the "
+        "candidates that were judged, from Student's distributions of all figures, taken as independent. Overall is "
+        "the share of the weights that a candidate wins by these probabilities. The range beside it is what it "
+        "wins if all candidates that were not judged are better, and if none is.</p>\n"
+        f"<p>hil {escaped(document.version)}. Equal packages and criteria give the same page, byte for byte.</p>\n"
     )

@@ -112,7 +112,9 @@ def test_a_waiver_that_is_not_approved_as_it_is_closes_nothing(approvals):
     """Nobody approved it, or in another role, or another content, or another waiver."""
     world = failed(filed=filed(WAIVER, approvals=approvals))
     assert codes(world) == ["NO_VERDICT", "FAILED"]
-    assert row(world).records == ("W-1 closes nothing: it is not approved as it is now by anybody but its author",)
+    assert row(world).records == (
+        "W-1 closes nothing: it is not approved in its present form by anyone but its author",
+    )
 
 
 def test_a_waiver_covers_no_other_unit_and_nothing_that_failed_later():
@@ -159,8 +161,8 @@ def test_a_closed_report_disposes_of_the_fail_in_the_run_that_it_names():
 @pytest.mark.parametrize(
     ("report", "why"),
     [
-        (replace(REPORT, disposition=None), "nobody has decided what becomes of LOAD-1 FM-7"),
-        (replace(REPORT, action=None), "rework is decided, and not done"),
+        (replace(REPORT, disposition=None), "the disposition of LOAD-1 FM-7 is undecided"),
+        (replace(REPORT, action=None), "rework is decided but not done"),
     ],
 )
 def test_a_report_that_is_not_complete_keeps_open_what_it_names(report, why):
@@ -175,7 +177,7 @@ def test_a_report_that_nobody_approved_keeps_open_what_it_names():
     for approvals in ([], [approval(replace(REPORT, cause="unknown"))]):
         world = failed(GOOD, filed=filed(REPORT, approvals=approvals))
         assert codes(world) == ["OPEN_NCR", "OPEN_NCR"]  # the report, and the FAIL itself
-        assert "is not approved as it is now by anybody but its author" in row(world).reasons[0].text
+        assert "is not approved in its present form by anyone but its author" in row(world).reasons[0].text
 
 
 @pytest.mark.parametrize(

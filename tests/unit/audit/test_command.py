@@ -49,7 +49,7 @@ def test_what_is_open_is_told_in_the_last_lines_and_by_strict(capsys):
     assert told[1] == "compliance: 0 yes, 0 partial, 6 no"
     assert told[3:6] == [
         "Open because (a requirement may be open for several reasons)",
-        "  Evidence is not enough",
+        "  Evidence not sufficient",
         "    6  NO_EVIDENCE  no package has evidence for it",
     ]
     assert audit(capsys, "--strict") == (1, out, "")
@@ -60,7 +60,7 @@ def test_a_package_of_hardware_that_is_gone_is_damage(capsys, workspace):
     append(workspace.reports, GONE)
     code, out, _ = audit(capsys)
     assert code == 2
-    assert "gone was sealed with FM-1 on adcs and is not there: what it said is not known" in out
+    assert "gone was sealed with FM-1 on adcs and is not there: its outcome is unknown" in out
     assert audit(capsys, "--strict")[0] == 2
 
 
@@ -171,7 +171,10 @@ def test_what_is_gone_is_explained_by_name_and_with_a_reason(capsys, workspace):
     duts.write_text(before.replace("''}", f"'', events: {repair}}}"))
     assert audit(capsys, "--record")[0] == 0
     duts.write_text(before)
-    assert "repair on 2026-11-01: it was taken out or changed, and nobody has said why" in audit(capsys, "--record")[1]
+    assert (
+        "repair on 2026-11-01: it was removed or changed, and the reason is not on record"
+        in audit(capsys, "--record")[1]
+    )
     assert audit(capsys, "--because", "a mistake", "--by", "Ada")[0] == 4
     assert audit(capsys, "--record", "--because", "a mistake")[0] == 4
     code, out, err = audit(capsys, "--record", "--because", "a mistake", "--by", "Ada")

@@ -54,7 +54,7 @@ WORLDS = {
         "NOT_ELIGIBLE",
         "the operator is not named",
     ),
-    "not eligible without a word": (changed(eligible=False), "NOT_ELIGIBLE", "and not why"),
+    "not eligible without a word": (changed(eligible=False), "NOT_ELIGIBLE", "without a reason"),
     "a simulated instrument": (
         changed(eligible=False, reasons=("SIMULATED: dmm",)),
         "SIM_ONLY",
@@ -215,7 +215,7 @@ def test_a_replay_that_comes_out_otherwise_reopens(analysis, by):
     world = replace(world, entries=(*world.entries, replayed(analysis), bad))
     (reason,) = row(world).reasons
     assert reason.code == "STALE_ANALYSIS"
-    assert reason.text == f"its replay on 2026-07-02 by {by} came out otherwise: hil replay shows the differences"
+    assert reason.text == f"its replay on 2026-07-02 by {by} gave a different result: hil replay shows the differences"
     assert codes(replace(world, entries=(*world.entries, replayed(analysis, day="2026-07-03")))) == []
 
 
@@ -248,7 +248,7 @@ def test_a_certificate_that_was_entered_after_the_run_proves_nothing_of_it():
         (reason,) = row(replace(world, remembered=remembered)).reasons
         assert reason.code == "STALE_CAL"
         proves = (
-            f"certificate C-9 of 2026-04-20, {told}, was entered after the run was sealed, and proves nothing of it"
+            f"certificate C-9 of 2026-04-20, {told}, was entered after the run was sealed, and proves nothing about it"
         )
         assert reason.text.endswith(f"and its calibration was due on 2026-01-10; {proves}")
     assert codes(replace(world, remembered=entered(instrument, 0))) == []
@@ -278,7 +278,7 @@ def test_a_clock_that_was_set_back_between_two_runs_keeps_open(kind):
     (reason,) = (each for each in row(set_back_by(9, kind=kind)).reasons)
     assert reason.code == "INTEGRITY"
     assert reason.text == (
-        "the times of the run cannot be believed: line 4 of the ledger is of 2026-06-01T11:00, and line 3 before it of "
+        "the times of the run are implausible: line 4 of the ledger is of 2026-06-01T11:00, and line 3 before it of "
         "2026-06-10T11:00: a clock was set back, or had been ahead"
     )
     assert any("a clock was set back" in each for each in audit(set_back_by(9)).problems)

@@ -84,8 +84,8 @@ def test_what_was_taken_out_of_a_register_counts_on(tmp_path, case):
     (found,) = row(now).reasons
     assert found.code == code
     assert found.text.startswith(text)
-    assert found.text.endswith("(taken out of the register since, and nobody has said why)")
-    assert any("it was taken out or changed, and nobody has said why" in each for each in audit(now).problems)
+    assert found.text.endswith("(since removed from the register, and the reason is not on record)")
+    assert any("it was removed or changed, and the reason is not on record" in each for each in audit(now).problems)
 
 
 @pytest.mark.parametrize("case", TAKEN_OUT)

@@ -163,7 +163,7 @@ def test_its_author_counts_unless_the_requirement_asks_for_somebody_else():
     assert codes(world(SHOWN, approvals=(own,))) == []
     found = row(world(SHOWN, asked=independent, approvals=(own,)))
     assert [reason.text for reason in found.reasons] == [
-        "V-1: only Ada, who made it, approved it, and the requirement asks for somebody else"
+        "V-1: only Ada, who made it, approved it, and the requirement demands somebody else"
     ]
     assert codes(world(SHOWN, asked=independent, approvals=(own, approval(SHOWN)))) == []
     changed = replace(SHOWN, statement="The load has 90 ohm")

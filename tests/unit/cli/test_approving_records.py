@@ -102,7 +102,7 @@ def test_a_waiver_is_approved_by_somebody_else_and_closes(said, tmp_path):
     assert said("ledger")[0] == 0
     file.write_text(file.read_text().replace("2099", "2098"))
     row = audited(said)
-    assert row["records"][-1] == "W-1 closes nothing: it is not approved as it is now by anybody but its author"
+    assert row["records"][-1] == "W-1 closes nothing: it is not approved in its present form by anyone but its author"
     file.unlink()
     (tmp_path / "workspace/fixtures/nonconformances.yaml").unlink()
     assert [each["code"] for each in audited(said)["reasons"]] == ["NO_EVIDENCE", "OPEN_NCR"]

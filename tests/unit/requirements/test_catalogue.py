@@ -273,5 +273,5 @@ def test_the_part_numbers_of_a_plan_are_named_or_left_out(workspace, value):
 def test_a_text_holds_nothing_that_nobody_sees(workspace, character):
     """Two texts that look alike say the same."""
     workspace.edit("text: The ", f"text: The {character}")
-    with pytest.raises(HilError, match=f"text holds character U\\+{ord(character):04X}, which nobody sees"):
+    with pytest.raises(HilError, match=f"text holds character U\\+{ord(character):04X}, which is invisible"):
         workspace.load(locked=False)

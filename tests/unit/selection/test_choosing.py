@@ -47,7 +47,7 @@ def test_the_worst_axis_counts_and_its_probability_is_told(selected):
     assert (first.candidate, first.rank, first.value, first.of, first.probability) == ("A", 1, 1.1, "gyroscope.a.y", 1)
     assert (second.rank, second.value, second.of) == (2, 2.0, "gyroscope.b.x")
     assert first.expanded == pytest.approx(1.96 * 0.011, rel=1e-3)
-    assert cell.notes == ("Whether noise is aliased cannot be said of A, B: rate or bandwidth is not recorded",)
+    assert cell.notes == ("Aliasing of noise cannot be judged for A, B: rate or bandwidth is not recorded",)
 
 
 def test_who_cannot_be_told_apart_shares_a_place_and_both_are_named(selected):
@@ -165,13 +165,13 @@ def test_what_a_reader_has_to_know_stands_first(selected):
         missing=["run-4"],
     )
     assert document.warnings == (
-        "SIMULATED: 1 of 2 packages that count is simulated; this says nothing of real sensors",
-        "REPLAYED: 1 of 2 packages that count is replayed; this says nothing of real sensors",
+        "SIMULATED: 1 of 2 packages that count is simulated; this says nothing about real sensors",
+        "REPLAYED: 1 of 2 packages that count is replayed; this says nothing about real sensors",
         "CALCULATED: white_noise: from parameters of the plan, as in a simulation; no sensor was read for it",
         "UNPROVEN: white_noise: its value was replaced by hand",
         "1 of 2 packages that count deviates from the plan",
         "Not given, though it has such figures: run-3",
-        "The ledger names runs that are not here, and may have such figures: run-4",
+        "The ledger names runs that are missing here and may have such figures: run-4",
     )
     assert document.excluded[0].reason == "it was not given"
 

@@ -33,11 +33,11 @@ def _case(verdict=Verdict.PASS):
         ({"verdict": "INCONCLUSIVE", "reason": "within the guard band"}, Verdict.INCONCLUSIVE, ""),
         ({}, Verdict.ERROR, "its case ended in ERROR: the port was lost"),
         ({"verdict": "INCONCLUSIVE", "doubts": ["stuck"]}, Verdict.INCONCLUSIVE, "its data are in DOUBT: stuck"),
-        ({"status": "upper limit"}, Verdict.PASS, "it is an upper limit, and no measurement"),
+        ({"status": "upper limit"}, Verdict.PASS, "it is an upper limit, not a measurement"),
         ({"status": "not observable", "value": None}, Verdict.PASS, "it is not observable in its record"),
         ({"status": "model rejected"}, Verdict.PASS, "its model does not describe the record"),
-        ({"value": None, "status": ""}, Verdict.PASS, "it is no number"),
-        ({"value": "complete", "status": ""}, Verdict.PASS, "it is no number"),
+        ({"value": None, "status": ""}, Verdict.PASS, "it is not a number"),
+        ({"value": "complete", "status": ""}, Verdict.PASS, "it is not a number"),
         (
             {"verdict": "INCONCLUSIVE", "uncovered": ["30 degC: no line"], "reason": "30 degC: no line"},
             Verdict.INCONCLUSIVE,
@@ -46,7 +46,7 @@ def _case(verdict=Verdict.PASS):
         (
             {"uncertainty": None, "expanded": None},
             Verdict.PASS,
-            "its uncertainty is not known, so that nothing tells it from another",
+            "its uncertainty is unknown, so it cannot be told apart from others",
         ),
     ],
 )

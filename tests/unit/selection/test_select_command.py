@@ -86,7 +86,7 @@ def test_all_packages_of_a_workspace_take_part(capsys, workspace):
     code, out, err = said(capsys, "select", "criteria.yaml")
     assert (code, err) == (0, "")
     assert out.splitlines() == [
-        "SIMULATED: 1 of 3 packages that count is simulated; this says nothing of real sensors",
+        "SIMULATED: 1 of 3 packages that count is simulated; this says nothing about real sensors",
         "gyroscope:",
         "  Smallest error  One  (0.100 ± 0.020) deg/s  100.0%",
         "  overall: One 100%, Two 0%",
@@ -152,5 +152,5 @@ def test_a_package_that_is_damaged_or_gone_is_told(capsys, workspace):
     assert (code, document["cells"][0]["best"]) == (1, ["One"])
     (damaged,) = [each for each in document["excluded"] if each["what"] == "the whole package"]
     assert (damaged["run"], damaged["reason"].startswith("it does not verify: ")) == ("run-SN2-02", True)
-    assert "The ledger names runs that are not here, and may have such figures: run-SN2-03" in document["warnings"]
-    assert "Nothing of these counts, as they do not verify: run-SN2-02" in document["warnings"]
+    assert "The ledger names runs that are missing here and may have such figures: run-SN2-03" in document["warnings"]
+    assert "These do not count, as they fail verification: run-SN2-02" in document["warnings"]

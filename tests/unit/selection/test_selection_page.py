@@ -59,7 +59,7 @@ def test_who_was_not_judged_leaves_a_mark_on_the_winner(page):
     assert '<span class="soft">the only one</span><span class="badge open">1 of 3 judged</span>' in text
     assert '<span class="told">not judged: B, C</span>' in text
     assert "white_noise of gyroscope.b.x, gyroscope.b.y" in text
-    assert '<b class="open">nobody</b><span class="badge open">0 of 3 judged</span>' in page(a=-1.0)
+    assert '<b class="open">none</b><span class="badge open">0 of 3 judged</span>' in page(a=-1.0)
 
 
 def test_nothing_is_obeyed_as_markup(page):

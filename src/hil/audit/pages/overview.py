@@ -64,7 +64,7 @@ def _notices(document: Document) -> Iterator[str]:
     exempted = [f"{each.package}: {each.instrument}: {each.reason}" for each in document.exceptions]
     closed = document.summary.by_exception
     by = f"{closed:,} requirement{'' if closed == 1 else 's'} closed by such a run"
-    why = f"Instruments that count as hardware because the bench file says so, and nothing else shows it; {by}"
+    why = f"Instruments that count as hardware on the word of the bench file alone; {by}"
     others = [f"{each.package}: {each.text}" for each in document.others]
     notices = (("EXCEPTION", why, exempted), (_OTHERS, "", others), ("Not usable", "", document.problems))
     for word, told, lines in notices:
@@ -83,7 +83,7 @@ def _why(document: Document) -> Iterator[str]:
     yield (
         '<h2 id="why">Why requirements are open</h2>\n'
         '<p class="soft">A requirement may be open for several reasons.</p>'
-        '<table class="why"><thead><tr><th scope="col">Reason</th><th scope="col">What it means</th>'
+        '<table class="why"><thead><tr><th scope="col">Reason</th><th scope="col">Meaning</th>'
         '<th scope="col" class="num">Requirements</th><th scope="col" class="track"></th></tr></thead><tbody>\n'
     )
     for count, code in found:

@@ -69,9 +69,7 @@ def _top(document: Document) -> str:
 
 
 def _state(document: Document) -> str:
-    return (
-        f"State at the end of {escaped(document.as_of)} UTC" if document.as_of else "State of the files as they are now"
-    )
+    return f"State at the end of {escaped(document.as_of)} UTC" if document.as_of else "Current state of the files"
 
 
 def _requirements(rows: Sequence[Row], reports: str) -> Iterator[str]:
@@ -207,7 +205,7 @@ def _on_hardware(would: OnHardware | None) -> str:
 
 
 def _anomaly(row: Row) -> str:
-    return f'<p class="anomaly"><b>Anomaly of the source</b> {escaped(row.anomaly)}</p>' if row.anomaly else ""
+    return f'<p class="anomaly"><b>Anomaly in the source</b> {escaped(row.anomaly)}</p>' if row.anomaly else ""
 
 
 def _stated(each: Stated, row: Row) -> str:
@@ -276,7 +274,7 @@ def _gaps(gaps: Sequence[Gap]) -> Iterator[str]:
 def _inputs(document: Document) -> Iterator[str]:
     inputs = document.inputs
     ledger = f"{inputs.ledger}, {inputs.entries:,} entries" if inputs.ledger else ""
-    yield '<h2 id="inputs">What this was computed from</h2>\n<dl class="facts">'
+    yield '<h2 id="inputs">Inputs</h2>\n<dl class="facts">'
     for label, value in (
         ("Catalogue, SHA-256", inputs.catalogue),
         ("Register of units, SHA-256", inputs.duts),
@@ -302,6 +300,7 @@ def _inputs(document: Document) -> Iterator[str]:
 def _bottom(document: Document) -> str:
     return (
         "<footer><p>The columns follow ECSS-E-ST-10-02C Rev.1, Annex B. Every status is computed from the catalogue, "
-        "the registers, the ledger and the packages; none is typed in. Equal inputs give this page byte for byte.</p>"
+        "the registers, the ledger and the packages; none is entered by hand. Equal inputs give the "
+        "same page, byte for byte.</p>"
         f"<p>hil {escaped(document.version)}</p></footer>\n<script>{asset('page.js')}</script>\n</body>\n</html>\n"
     )

@@ -32,7 +32,7 @@ GROUPS: Mapping[str, tuple[Code, ...]] = {
         Code.STALE_ANALYSIS,
         Code.EXPIRED,
     ),
-    "Evidence is not enough": (
+    "Evidence not sufficient": (
         Code.NO_EVIDENCE,
         Code.NO_VERDICT,
         Code.SIM_ONLY,

@@ -75,7 +75,10 @@ def _document(file: Path, runs: Sequence[str]) -> Document:
     known = [each for each in inside if gives(each, criteria.wanted)]
     if not (given or known):
         asked = sorted({each.parameter for each in criteria.criteria})
-        raise Refused(f"no package of the workspace has figures of {', '.join(asked)}", "hil run makes packages")
+        raise Refused(
+            f"no package of the workspace has figures of {', '.join(asked)}",
+            "hil run makes packages; name the runs to compare, if they are elsewhere",
+        )
     inputs = [read_input(each, criteria.wanted) for each in given or known]
     taken = {each.name for each in given or known} | {each.run for each in inputs}
     return choose(
