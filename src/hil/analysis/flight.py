@@ -54,7 +54,7 @@ class Phase:
         ripple: standard deviation of that magnitude, relative; calibrated magnetometers show little in a rotation.
         turns: how often the field turned about one axis, not observable where it turned otherwise or too little.
         agreement: turns of the rates over turns of the field, less 1.
-        gates: every gate with its answer.
+        gates: every gate with its result.
         remark: what is odd, in a sentence, or empty.
     """
 

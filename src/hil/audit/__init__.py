@@ -1,1 +1,1 @@
-"""The audit: the status of every requirement over all packages, computed and never typed in."""
+"""The audit: the status of every requirement over all packages, computed, never entered by hand."""

@@ -48,7 +48,7 @@ class _Report:
         return self.now is not None and self.now.complete and self.approval is not None
 
     def names(self, requirement: str) -> bool:
-        """Return whether any version named a requirement: what was named once is not got rid of by an edit."""
+        """Return whether any version named a requirement: an edit does not remove what was once named."""
         return any(requirement in each.requirements for each in self.versions)
 
     def why_open(self) -> str:
@@ -80,14 +80,14 @@ class _Shown:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Accepted:
-    """Every report, waiver and verification, by what an audit asks of them.
+    """Every report, waiver and verification, as an audit needs them.
 
     Attributes:
         reports: every report that there is or was, in the order of their numbers.
         waivers: the waivers by requirement.
         shown: the verifications by requirement, the oldest first.
         undone: verifications that said FAIL once and no longer do, by requirement.
-        date: the day on which it is asked, ISO 8601.
+        date: the day of the audit, ISO 8601.
         sha256: SHA-256 over their contents, empty if there are none.
     """
 
@@ -105,12 +105,12 @@ class Accepted:
                 yield Reason(code=Code.OPEN_NCR, text=report.why_open())
 
     def disposed(self, requirement: str, package: Package, seal: Sealed | None) -> bool:
-        """Return whether a closed report speaks of a FAIL in a package, and the unit conforms since or is gone.
+        """Return whether a closed report covers a FAIL in a package, and the unit has conformed since or is gone.
 
         Args:
             requirement: what failed.
             package: the run that failed.
-            seal: its seal in the ledger; what was approved before it cannot speak of it.
+            seal: its seal in the ledger; what was approved before it cannot cover it.
         """
         return any(
             report.now.disposition is not Disposition.USE_AS_IS
@@ -121,7 +121,7 @@ class Accepted:
         )
 
     def stale(self, requirement: str, package: Package) -> Iterator[tuple[Code, str]]:
-        """Say why evidence of a unit does not count any more, after what was done about a nonconformance of it."""
+        """Yield why evidence of a unit no longer counts after the disposition of one of its nonconformances."""
         for report in self._closed(requirement, package):
             now = report.now
             if now is None or now.action is None or now.disposition is Disposition.USE_AS_IS:
@@ -147,7 +147,7 @@ class Accepted:
 
     @staticmethod
     def covers(found: tuple[Waiver, Approval] | None, package: Package, seal: Sealed | None) -> bool:
-        """Return whether a waiver speaks of a package: of one of its units, and sealed before it was approved."""
+        """Return whether a waiver covers a package: of one of its units, and sealed before the approval."""
         if found is None:
             return False
         waiver, approval = found
@@ -262,17 +262,17 @@ def _approvals(item: Filing, role: str, approvals: Iterable[Approval]) -> Iterat
 
 
 def _counting(each: _Shown, asked: Asked) -> Approval | None:
-    """Return the approval by which a verification counts, which may have to be somebody else's than its author's."""
+    """Return the approval by which a verification counts; it may have to come from someone other than its author."""
     return next((it for it in _afterwards(each) if not (asked.independent and it.own)), None)
 
 
 def _afterwards(each: _Shown) -> tuple[Approval, ...]:
-    """Return the approvals from the day of a verification on: nobody approves what is not done yet."""
+    """Return the approvals since the day of a verification: what is not done yet cannot be approved."""
     return tuple(it for it in each.approvals if it.utc[:10] >= each.item.date)
 
 
 def _not_shown(each: _Shown, asked: Asked, world: World) -> Iterator[tuple[Code, str]]:
-    """Say why a verification does not close its requirement."""
+    """Yield why a verification does not close its requirement."""
     item = each.item
     if item.verdict != Verdict.PASS:
         yield Code.NO_VERDICT, f"its verdict is {item.verdict}"
@@ -297,7 +297,7 @@ def _not_shown(each: _Shown, asked: Asked, world: World) -> Iterator[tuple[Code,
 
 
 def _of_witness(item: Verification, asked: Asked, world: World) -> Iterator[str]:
-    """Say why nobody witnessed a verification as its requirement asks, by the roles of the register of signers."""
+    """Yield why a verification lacks the required witness, by the roles of the register of signers."""
     if asked.witness and not item.witness:
         yield f"the requirement asks for a witness ({asked.witness}), and it names none"
     people = world.filed.people if item.witness else ()
@@ -343,7 +343,7 @@ def _comes_after(approval: Approval | None, seal: Sealed | None) -> bool:
 
 
 def _unfit(units: Sequence[UnitName], asked: Asked, world: World) -> Iterator[str]:
-    """Say which units of a waiver the requirement is not about."""
+    """Yield the units of a waiver to which the requirement does not apply."""
     for unit in units:
         dut = world.register.duts.get(unit.serial)
         if dut is None or dut.part != unit.part:

@@ -1,4 +1,4 @@
-"""What an audit found earlier in files that did not change since, see `hil.evidence.unchanged`."""
+"""Earlier results of an audit for files that have not changed since, see `hil.evidence.unchanged`."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Cache:
         self._version = version
 
     def package(self, folder: Path, read: Callable[[], Package]) -> Package:
-        """Return what a package says, read again unless no file of it changed; one that is not whole is always read."""
+        """Return the content of a package, read again if any file changed; one that is not whole is always read."""
         before = self._key_of(folder)
         known = self._get(before, Package)
         if known is not None:
@@ -55,7 +55,7 @@ class Cache:
         return known
 
     def _key_of(self, folder: Path) -> str:
-        """Return what a package is known again by; empty where something in it cannot be looked at."""
+        """Return the cache key of a package; empty if something in it cannot be examined."""
         return "" if self._place is None else folder_key(folder, self._version)
 
     def _get(self, key: str, kind: type[_Kept]) -> _Kept | None:

@@ -1,4 +1,4 @@
-"""What differs between two audits: what a change would reopen, and what it would close."""
+"""The differences between two audits: what a change would reopen, and what it would close."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Change:
         what: `reopened`, `closed`, `added`, `removed`, or `changed` where it stays open or closed.
         gained: reasons that it did not have.
         lost: reasons that it no longer has.
-        told: what is said of its reports and waivers that was not said before.
+        told: new remarks on its reports and waivers.
     """
 
     id: str

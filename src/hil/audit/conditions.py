@@ -23,11 +23,11 @@ _SHORT = 8
 _DAY_S = 86_400.0
 _REMOVED = " (since removed from the register, and the reason is not on record)"
 _ELSEWHERE = frozenset({"SIMULATED", "REPLAYED", "UNKNOWN"})
-"""How a run's own reasons begin where bytes did not come from hardware."""
+"""The prefixes of a run's own reasons for bytes that did not come from hardware."""
 
 
 class Claim(msgspec.Struct, frozen=True, kw_only=True):
-    """What one package says of one requirement, and what it is judged by."""
+    """The result of one package for one requirement, and what it is judged by."""
 
     asked: Asked
     package: Package
@@ -38,7 +38,7 @@ class Claim(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Conditions:
-    """The conditions of the claims of one world: what they say of claims that are alike is found out once."""
+    """The conditions of the claims of one world; equal claims are judged once."""
 
     def __init__(self) -> None:
         self._known: dict[Hashable, tuple[Reason, ...]] = {}
@@ -52,7 +52,7 @@ class Conditions:
 
 
 def _looked_at(claim: Claim) -> Hashable:
-    """Return everything of a claim that a condition looks at; world and ledger are the same for all of them."""
+    """Return everything that conditions use of a claim; world and ledger are the same for all claims."""
     asked, result = claim.asked, claim.result
     meanings = (asked.rev, asked.fingerprint, result.rev, result.fingerprint)
     return (
@@ -146,13 +146,13 @@ def _times(claim: Claim) -> _Found:
 
 
 def _signature(claim: Claim) -> _Found:
-    """The package is signed, where the workspace asks for it."""
+    """The package is signed, if the workspace requires it."""
     if claim.world.policy.signatures and not claim.world.policy.valid.get(claim.package.digest):
         yield Code.UNSIGNED, "the package has no valid signature, and the workspace requires one"
 
 
 def _approval(claim: Claim) -> _Found:
-    """Everybody has approved the package whom the workspace asks for."""
+    """The package has every approval that the workspace requires."""
     valid = claim.world.policy.valid.get(claim.package.digest, frozenset())
     for role in claim.world.policy.approvals:
         if role not in valid:
@@ -201,7 +201,7 @@ def _calibration(claim: Claim) -> _Found:
 
 
 def _missing(name: str, used: Instrument, entry: RegisteredInstrument | None, before: object) -> _Found:
-    """Say what of an instrument the register no longer has."""
+    """Yield what the register no longer has of an instrument."""
     if entry is None and (used.entry or before):
         gone = used.entry or f"the certificate {used.certificate}"
         yield Code.STALE_CAL, f"the register no longer has {gone}, which was {name} then"
@@ -210,7 +210,7 @@ def _missing(name: str, used: Instrument, entry: RegisteredInstrument | None, be
 
 
 def _without_late(claim: Claim, used: Instrument, entry: RegisteredInstrument | None) -> _Found:
-    """Give what would stand against a package without the certificates that were entered after it was sealed.
+    """Yield what the certificates say against a package, leaving out those entered after it was sealed.
 
     A certificate of an earlier day that the ledger did not have by then proves nothing of that run. What it finds out
     of tolerance counts all the same.
@@ -233,7 +233,7 @@ def _without_late(claim: Claim, used: Instrument, entry: RegisteredInstrument | 
 
 
 def _calibration_of(entry: RegisteredInstrument | None, package: Package) -> _Found:
-    """Give what the certificates of an instrument say against a package."""
+    """Yield what the certificates of an instrument say against a package."""
     if entry is None:
         return
     if problem := calibration_problem(entry, package.began, package.ended):
@@ -294,4 +294,4 @@ CONDITIONS = (
     _analysis,
     _age,
 )
-"""Every condition, in the order in which they are told."""
+"""Every condition, in reporting order."""

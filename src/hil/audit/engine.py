@@ -134,7 +134,7 @@ def _children(asked: Mapping[str, Asked]) -> dict[str, tuple[str, ...]]:
 
 
 def _from_below(asked: Mapping[str, Asked], children: Mapping[str, Sequence[str]]) -> Iterator[str]:
-    """Give every requirement after those below it, without recursion: a chain may be as long as the catalogue.
+    """Yield every requirement after those below it, without recursion: a chain may be as long as the catalogue.
 
     Requirements that were taken out at different times may stand in a circle; they come last.
     """
@@ -263,9 +263,9 @@ def _evidence(claim: Claim, reasons: tuple[Reason, ...]) -> Evidence:
 
 
 def _speaking(evidence: Sequence[Evidence]) -> Iterator[Evidence]:
-    """Give the evidence whose reasons a requirement has: of runs that were no hardware, the newest of each unit.
+    """Yield the evidence whose reasons a requirement has: of runs not on hardware, the newest of each unit.
 
-    They can neither close it nor speak against it, so that older trials would only bury what keeps it open now.
+    They can neither close it nor speak against it, and older ones would only bury what keeps it open now.
     """
     seen: set[tuple[str, str]] = set()
     for each in reversed(evidence):
@@ -287,7 +287,7 @@ def _is_needed(asked: Asked, waived: tuple[Waiver, Approval], claims: Sequence[C
 
 
 def _disposed(claim: Claim, by: _Judging) -> bool:
-    """Return whether somebody has approved what was done about a FAIL."""
+    """Return whether the disposition of a FAIL is approved."""
     package = claim.package
     return by.book.disposed(package) or by.filed.disposed(claim.asked.id, package, by.book.seal_of(package))
 
@@ -299,7 +299,7 @@ def _against(
     by: _Judging,
     waived: tuple[Waiver, Approval] | None,
 ) -> Iterator[Reason]:
-    """Give what keeps a requirement open whatever else there is, so that no evidence can be left out to close it."""
+    """Yield what keeps a requirement open regardless, so that leaving evidence out cannot close it."""
     book = by.book
     yield from by.filed.open_reports(asked.id)
     yield from by.filed.failed(asked) if waived is None else ()
@@ -320,7 +320,7 @@ def _against(
 
 
 def counts_as_fail(claim: Claim) -> bool:
-    """Return whether a result speaks against its requirement: a FAIL from hardware, for a purpose that can close."""
+    """Return whether a result counts against its requirement: a FAIL from hardware, for a purpose that can close."""
     package = claim.package
     serious = package.purpose in {Purpose.QUALIFICATION, Purpose.ACCEPTANCE, ""}
     return claim.result.failed and package.source in _HARDWARE and serious
@@ -351,7 +351,7 @@ def _no_evidence(asked: Asked) -> str:
 
 
 def _inherited(below: Iterable[Row]) -> Iterator[Reason]:
-    """Give what the requirements below keep open; a FAIL is told all the way up, with the requirement that it is of."""
+    """Yield what the requirements below keep open; a FAIL is passed all the way up, with its requirement."""
     for row in below:
         if not row.closed:
             codes = ", ".join(dict.fromkeys(reason.code for reason in row.reasons))

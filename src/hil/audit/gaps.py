@@ -1,4 +1,4 @@
-"""What an audit tells besides the status of requirements: gaps, exceptions, and problems of packages and ledger."""
+"""What an audit reports besides the status of requirements: gaps, exceptions, and problems of packages and ledger."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ BY_CASES = frozenset({Method.TEST, Method.INSPECTION})
 
 
 def gaps_of(rows: Sequence[Row], packages: Sequence[Package], world: World) -> Iterator[Gap]:
-    """Give requirements without a case or a child, and cases and results without a requirement."""
+    """Yield requirements without a case or a child, and cases and results without a requirement."""
     present = {each.id for each in world.asked if not each.withdrawn}
     for row in rows:
         if row.kind == Kind.PARENT and not row.children:
@@ -38,14 +38,14 @@ def gaps_of(rows: Sequence[Row], packages: Sequence[Package], world: World) -> I
 
 
 def exceptions_of(packages: Sequence[Package]) -> Iterator[Exempted]:
-    """Give what counts as hardware by the word of a bench file alone, with the reason declared."""
+    """Yield what counts as hardware on the word of a bench file alone, with the reason declared."""
     for package in packages:
         for instrument, reason in package.exceptions:
             yield Exempted(package=package.folder, instrument=instrument, reason=reason)
 
 
 def problems_of(packages: Sequence[Package], book: Ledgered) -> Iterator[str]:
-    """Give what is wrong with packages and ledger, in sentences."""
+    """Yield what is wrong with packages and ledger, in sentences."""
     yield from (
         f"{each.name}: it was removed or changed, and the reason is not on record" for each in book.removed.told
     )

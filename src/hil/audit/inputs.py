@@ -45,15 +45,15 @@ class Asked(msgspec.Struct, frozen=True, kw_only=True):
         parents: the requirements that it serves.
         level: level of verification, or empty.
         stage: stage of verification, or empty.
-        withdrawn: whether it is no longer asked for.
+        withdrawn: whether it is withdrawn.
         max_age_s: how old its evidence may be in s, None for any age.
         plan: the name of its plan, empty for one of the workspace.
         document: id of the document that its file stands for.
         issue: the document's issue.
         place: file and line.
         part_numbers: the part numbers that its plan is for, none for any.
-        witness: who has to be present when it is verified, empty if nobody has to.
-        independent: whether somebody else than who did it has to confirm its verification.
+        witness: who has to be present when it is verified, empty if no one has to.
+        independent: whether someone other than its author has to confirm its verification.
     """
 
     id: str
@@ -260,7 +260,7 @@ class Remembered(msgspec.Struct, frozen=True, kw_only=True):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Policy:
-    """What the workspace asks for beyond the seal.
+    """What the workspace requires beyond the seal.
 
     Attributes:
         signatures: whether a package must be signed.
@@ -299,7 +299,7 @@ class World:
         policy: what the workspace asks for beyond the seal.
         filed: its nonconformance reports and waivers.
         analysis: SHA-256 over the analysis and the judging of now.
-        date: the day on which it is asked, ISO 8601; ages are counted up to it.
+        date: the day of the audit, ISO 8601; ages are counted up to it.
         as_of: the day at whose end the state is told, empty for now.
         name: the name of the workspace.
         version: the version of hil that computes it.

@@ -1,4 +1,4 @@
-"""What the ledger says of packages: their seals, their order, what is missing, and what was said of them later."""
+"""What the ledger says about packages: their seals, their order, what is missing, and later entries about them."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Missing:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ledgered:
-    """The ledger by what an audit asks of it.
+    """The ledger as an audit needs it.
 
     Attributes:
         seals: the first seal of each run: whoever enters another one does not change what was sealed.
@@ -35,8 +35,8 @@ class Ledgered:
         damage: what is wrong with it, empty where nothing is.
         missing: packages of hardware that are not there.
         removed: what catalogue and registers had, and no longer have.
-        backwards: why the times of an entry cannot be believed, by the run that it is of: the first one of each.
-        doubted: how many lines were written by a clock that cannot be believed, and the first of them.
+        backwards: why the times of an entry are implausible, by the run that it is of: the first one of each.
+        doubted: how many lines were written by an implausible clock, and the first of them.
         replays: the last replay of each package by each analysis, by evidence digest and digest of the analysis.
     """
 
@@ -61,16 +61,16 @@ class Ledgered:
         return found.evidence if found else ""
 
     def place_of(self, package: Package) -> tuple[bool, int, str, str]:
-        """Return what packages are put in order by: their seals in the ledger; those without one come last."""
+        """Return the sort key of packages: their seals in the ledger; those without one come last."""
         found = self.seals.get(package.run) or self.seals.get(package.folder)
         return (found is None, found.seq if found else 0, package.ended, package.folder)
 
     def backwards_of(self, package: Package) -> str:
-        """Return why the times of a package cannot be believed by the order of the ledger, empty if they can."""
+        """Return why the times of a package contradict the order of the ledger, empty if they agree."""
         return self.backwards.get(package.run) or self.backwards.get(package.folder, "")
 
     def disposed(self, package: Package) -> bool:
-        """Return whether somebody signed what is done about a FAIL in this package."""
+        """Return whether the disposition of a FAIL in this package is signed."""
         return bool(package.digest) and DISPOSITION in self.policy.valid.get(package.digest, frozenset())
 
     def replay_of(self, package: Package, analysis: str) -> Replayed | None:
@@ -79,7 +79,7 @@ class Ledgered:
 
 
 def ledgered(entries: Sequence[Entry], packages: Sequence[Package], policy: Policy, head: str) -> Ledgered:
-    """Return the ledger as the audit asks it.
+    """Return the ledger as the audit needs it.
 
     A package of hardware that is missing, or whose list of results cannot be trusted, may hold a FAIL of anything.
     So may a run that was never sealed, from its first reading on. One of a simulated bench cannot speak against

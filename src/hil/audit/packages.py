@@ -35,7 +35,7 @@ _RUNNING = "the run is still running"
 _Item = TypeVar("_Item")
 
 
-# What the audit needs of files that verification has read strictly, so that they are decoded at the speed of a copy.
+# What the audit needs of files that verification has read strictly: they are decoded at the speed of a copy.
 
 
 class _Checked(msgspec.Struct, frozen=True):
@@ -116,7 +116,7 @@ def _once(packages: Iterable[Package]) -> Iterator[Package]:
 
 
 def _read(folder: Path) -> Package:
-    """Return what one folder says; whatever is wrong with it is told, and what it says is told as far as it goes."""
+    """Return the content of one folder as far as it can be read, with whatever is wrong with it."""
     try:
         found = verify(folder, Ledger(reports=folder.parent))  # the engine compares it with the ledger
     except HilError as error:
@@ -155,7 +155,7 @@ def _manifest_digest(folder: Path) -> str:
 
 
 def _told(folder: Path, package: Package) -> Package:
-    """Return a package with what it says."""
+    """Return a package with its content."""
     if is_sealed(folder):
         ends = read_ends(folder / JOURNAL)
         said = msgspec.json.decode(read_plain(folder / RESULTS), type=_Said)

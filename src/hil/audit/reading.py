@@ -102,7 +102,7 @@ def read_world(
         published_head: a head that was published earlier; the ledger must contain it.
 
     Raises:
-        ConfigurationError: with everything that is wrong in catalogue and registers.
+        ConfigurationError: with all errors in catalogue and registers.
         EvidenceError: if the ledger or the reports cannot be read, or two packages contradict each other.
     """
     ledger, date = read(folders.reports), wall.utc_now()[:10]
@@ -138,7 +138,7 @@ def read_world(
 
 
 def _other(ledger: Ledger, folders: Folders) -> Iterator[str]:
-    """Say that the ledger is not the one that the settings of the workspace name."""
+    """Return a problem if the ledger is not the one that the settings of the workspace name."""
     if folders.ledger and ledger.hashes[:1] != (folders.ledger,):
         there = f"begins with {ledger.hashes[0]}" if ledger.hashes else "is not there"
         yield (
@@ -183,7 +183,7 @@ def record_subject(folders: Folders, number: str) -> Subject:
     """Return what is approved of a report or a waiver of the workspace.
 
     Raises:
-        ConfigurationError: with everything that is wrong in catalogue and registers.
+        ConfigurationError: with all errors in catalogue and registers.
         Refused: if there is none of that number, or its approval would close nothing.
     """
     asked = read_catalogue(folders)
@@ -261,7 +261,7 @@ def read_catalogue(folders: Folders, *, locked: bool = True) -> tuple[Asked, ...
     """Return the requirements of every plan and of the workspace.
 
     Raises:
-        ConfigurationError: with everything that is wrong.
+        ConfigurationError: with all errors.
     """
     catalogue = load_catalogue(folders.root, _plans(folders), locked=locked)
     return (*_above(catalogue), *_of_plans(catalogue))
@@ -275,7 +275,7 @@ def read_register(folders: Folders) -> Register:
     """Return the registers of a workspace; one need not have them.
 
     Raises:
-        ConfigurationError: with everything that is wrong.
+        ConfigurationError: with all errors.
     """
     findings = Findings()
     units, instruments = folders.fixtures / DUTS, folders.fixtures / INSTRUMENTS

@@ -10,7 +10,7 @@ __all__ = ["Code", "Reason"]
 
 
 class Code(StrEnum):
-    """Why a requirement is open, one code for each condition; declared in the order in which they are told."""
+    """Why a requirement is open, one code for each condition; declared in reporting order."""
 
     NO_EVIDENCE = "NO_EVIDENCE"
     WITHDRAWN = "WITHDRAWN"

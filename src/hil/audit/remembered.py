@@ -1,4 +1,4 @@
-"""What the ledger remembers of catalogue and registers: what was taken out of them counts until somebody says why."""
+"""What the ledger remembers of catalogue and registers: removed entries count until the reason is recorded."""
 
 from __future__ import annotations
 

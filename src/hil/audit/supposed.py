@@ -1,4 +1,4 @@
-"""What an audit would say if a catalogue, a register or the analysis were changed, before anything is committed."""
+"""What an audit would report after a change of catalogue, register or analysis, before anything is committed."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def suppose(world: World, folders: Folders, changed: str) -> tuple[World, World]
         changed: a file, or `ANALYSIS`.
 
     Raises:
-        ConfigurationError: with everything that is wrong in the file.
+        ConfigurationError: with all errors in the file.
         Refused: if it is none of the files that can be supposed, or there is nothing to compare it with.
     """
     if changed == ANALYSIS:

@@ -35,11 +35,11 @@ what its waivers and nonconformance reports say, and which instruments behind it
 count as hardware by the word of a bench file alone."""
 
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")
-"""How a cell begins that a spreadsheet would compute."""
+"""The first characters of a cell that a spreadsheet would compute."""
 
 
 def as_json(document: Document) -> bytes:
-    """Return the document as canonical JSON (RFC 8785); it holds no number but whole ones."""
+    """Return the document as canonical JSON (RFC 8785); all of its numbers are integers."""
     return msgspec.json.encode(document, order="sorted")
 
 
@@ -102,5 +102,5 @@ def _lines(parts: Iterable[str]) -> str:
 
 
 def guarded(cell: str) -> str:
-    """Return a cell that no spreadsheet takes for a formula: one that begins like it gets an apostrophe."""
+    """Return a cell that no spreadsheet takes for a formula: one that begins like a formula gets an apostrophe."""
     return f"'{cell}" if cell.startswith(_FORMULA) else cell

@@ -1,4 +1,4 @@
-"""What checks of one parameter found from run to run: by requirement, member and case, with their statistics."""
+"""The checks of one parameter from run to run: by requirement, member and case, with their statistics."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ class Trend:
 
 
 class Spread(NamedTuple):
-    """How numbers scatter: how many there are, their mean, and their standard deviation; None of a single one."""
+    """The scatter of numbers: their count, mean, and standard deviation, None for a single one."""
 
     size: int
     mean: float

@@ -1,4 +1,4 @@
-"""What follows when the process of a run died: what a person can do next, and who is notified in its place."""
+"""After the process of a run died: what a person can do next, and who is notified in its place."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def tell_of_death(
 
 
 def not_proven(folder: Path, *, guardian_s: float = _GUARDIAN_S) -> tuple[str, ...]:
-    """Return the outputs that nobody has proven safe since the process of a run died; nothing if all are.
+    """Return the outputs that have not been proven safe since the process of a run died; none if all are.
 
     A bench is latched with all of its outputs while it is armed, and with those that are not proven safe by its
     guardian, which is waited for while it is at work.
@@ -87,7 +87,7 @@ def _tell(folder: Path, how: str, ways: list[str], guardian_s: float, command_s:
 
 @contextmanager
 def _undisturbed() -> Iterator[None]:
-    """Let requests to end pass by, because it ends anyway; the command does not inherit that they are blocked."""
+    """Block requests to end, because it ends anyway; the command does not inherit the blocked signals."""
     asks = {number for name in ("SIGINT", "SIGTERM", "SIGHUP") if (number := getattr(signal, name, None)) is not None}
     heard = {number: found for number in asks if (found := signal.getsignal(number)) is not signal.SIG_IGN}
     for number in heard:
@@ -126,7 +126,7 @@ def _bench(folder: Path, limit_s: float) -> Iterator[str]:
 
 
 def ways_on(folder: Path) -> Iterator[str]:
-    """Yield what a person does next, a line each; no more is offered than the run's journal allows.
+    """Yield what a person can do next, a line each, as far as the run's journal allows.
 
     The whole journal is not read, because that of weeks is long: nothing is verified here.
 

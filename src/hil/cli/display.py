@@ -1,4 +1,4 @@
-"""Displays: text streams that nobody's terminal, pipe or full disk can turn against a run, nor any text against them.
+"""Displays: text streams that isolate a run from its terminal, pipe or full disk, and the terminal from its texts.
 
 What cases, instruments and files say reaches a terminal through here. What a terminal would obey in it, such as the
 escape sequence that clears a screen, is written as a visible escape; the product's own colours and cursor movements go
@@ -22,7 +22,7 @@ from hil.documents.text import visible
 __all__ = ["Display", "Edge", "Unwritten", "displays", "open_standard_streams", "shown_safely", "write_bytes"]
 
 _MARK = "hil: "
-_PIECE = 512  # a descriptor that is ready takes so much without waiting
+_PIECE = 512  # a ready descriptor takes this much without blocking
 _MOST_WAITING = 16_000_000
 
 
@@ -56,15 +56,15 @@ class Display(io.TextIOBase):
 
     @property
     def errors(self) -> str:  # type: ignore[override]  # as above
-        """How characters are written that the encoding does not have."""
+        """How characters outside the encoding are written."""
         return "backslashreplace"
 
     def writable(self) -> bool:
-        """Return that text can be written."""
+        """Return True: text can be written."""
         return True
 
     def isatty(self) -> bool:
-        """Return whether a person looks at it."""
+        """Return whether it is a terminal."""
         return os.isatty(self._descriptor)
 
     def fileno(self) -> int:
@@ -72,20 +72,20 @@ class Display(io.TextIOBase):
         return self._descriptor
 
     def close(self) -> None:
-        """Stay open: what a case closes is not the run's."""
+        """Stay open: a case cannot close the run's stream."""
 
     @property
     def drawn(self) -> TextIO:
-        """The same stream for what moves the cursor or has a colour: every text was made visible before."""
+        """The same stream for cursor movements and colours: every text was made visible before."""
         return cast("TextIO", _Drawn(self))
 
     def write(self, text: str) -> int:
-        """Take a text and write as much as the reader takes now; what a terminal would obey becomes visible."""
+        """Take a text and write as much as the reader takes now; terminal control sequences become visible."""
         self.draw(_wrapped(visible(text), self) if self._wraps else visible(text))
         return len(text)
 
     def draw(self, text: str) -> int:
-        """Write likewise, with what a terminal obeys."""
+        """Write likewise, including terminal control sequences."""
         data = text.encode(self._encoding, "backslashreplace")
         with self._lock:
             if not self.lost:
@@ -124,7 +124,7 @@ class Display(io.TextIOBase):
 
 
 class _Drawn(io.TextIOBase):
-    """A display that is written to as it is."""
+    """A display that takes text unchanged."""
 
     def __init__(self, display: Display) -> None:
         self._display = display
@@ -135,7 +135,7 @@ class _Drawn(io.TextIOBase):
         return self._display.encoding
 
     def write(self, text: str) -> int:
-        """Write a text with what a terminal obeys."""
+        """Write a text, including terminal control sequences."""
         return self._display.draw(text)
 
     def flush(self) -> None:
@@ -143,7 +143,7 @@ class _Drawn(io.TextIOBase):
         self._display.flush()
 
     def isatty(self) -> bool:
-        """Return whether a person looks at it."""
+        """Return whether it is a terminal."""
         return self._display.isatty()
 
     def fileno(self) -> int:
@@ -151,12 +151,12 @@ class _Drawn(io.TextIOBase):
         return self._display.fileno()
 
 
-class Unwritten(BaseException):  # not an Exception: a command that catches those has nobody left to tell
+class Unwritten(BaseException):  # not an Exception: no command may catch it
     """Standard output takes no more: its reader has gone, or its disk is full."""
 
 
 class Edge:
-    """Where what a command says leaves it; a write that fails ends the command, and is told once, by its exit code.
+    """Where a command's output leaves it; a failed write ends the command, and is reported once, by its exit code.
 
     Args:
         stream: the standard stream.
@@ -190,7 +190,7 @@ class Edge:
         self._try(lambda: self._stream.buffer.write(data))
 
     def flush(self) -> None:
-        """Write what waits.
+        """Flush the buffer.
 
         Raises:
             Unwritten: if the stream takes no more.
@@ -198,7 +198,7 @@ class Edge:
         self._try(self._stream.flush)
 
     def finish(self) -> OSError | None:
-        """Write what waits, and return why not all was written, None if it was; nothing is tried again at the exit."""
+        """Flush, and return why not all was written, None if it was; nothing is retried at exit."""
         with suppress(Unwritten):
             self.flush()
         if self.error is not None:
@@ -224,7 +224,7 @@ class Edge:
 
 
 class _Shown:
-    """A text stream of somebody else, through which texts reach a terminal only when they are visible.
+    """A wrapped text stream, through which texts reach a terminal only in visible form.
 
     Args:
         drawn: the stream, on which colours and cursor movements are drawn.
@@ -236,7 +236,7 @@ class _Shown:
         self._wraps = wraps
 
     def write(self, text: str) -> int:
-        """Write a text; what a terminal would obey becomes visible."""
+        """Write a text; terminal control sequences become visible."""
         self.drawn.write(_wrapped(visible(text), self.drawn) if self._wraps else visible(text))
         return len(text)
 
@@ -292,7 +292,7 @@ def displays() -> Iterator[tuple[Display, Display]]:
 
 
 def open_standard_streams() -> None:
-    """Open the standard streams that were closed from outside on nothing.
+    """Open closed standard streams on the null device.
 
     The next file that is opened would get their numbers, and what is printed would be written into it.
     """

@@ -1,4 +1,4 @@
-"""The first moments of `hil`: Ctrl-C ends it without a word until it can say one."""
+"""Start-up of `hil`: until it can print a message, Ctrl-C ends it silently."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def main() -> None:
         )
         sys.exit(_USAGE)
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-        signal.signal(signal.SIGINT, signal.SIG_DFL)  # imports take a while, and a traceback of theirs helps nobody
+        signal.signal(signal.SIGINT, signal.SIG_DFL)  # imports take a while, and their traceback is of no use
     from hil.cli.main import main as run  # noqa: PLC0415 - after the line above
 
     run()

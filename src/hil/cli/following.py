@@ -35,7 +35,7 @@ Pause = Callable[[float], None]
 
 
 def follow(folder: Path, pause: Pause = wall.pause) -> int:
-    """Tell of a run until it ends; in place on a terminal, else an event a line and the values every minute."""
+    """Show a run until it ends; in place on a terminal, else one line per event and the values every minute."""
     follower = Follower(folder)
     tell = _in_place if sys.stdout.isatty() and os.environ.get("TERM") != "dumb" else _in_lines
     tell(follower, pause)
@@ -45,7 +45,7 @@ def follow(folder: Path, pause: Pause = wall.pause) -> int:
 
 
 def documents(folder: Path, *, follow: bool, pause: Pause = wall.pause) -> Iterator[dict[str, Any]]:
-    """Give how a run stands, for machines: once, or every second until it ends."""
+    """Yield the status of a run, for machines: once, or every second until it ends."""
     follower = Follower(folder)
     while True:
         goes_on = follower.goes_on()
@@ -79,7 +79,7 @@ def _document(follower: Follower, found: RunSummary, *, goes_on: bool) -> dict[s
 
 
 def _guardian(folder: Path) -> dict[str, Any] | None:
-    """Return how the guardian's last act stands, None if it did not act; `unproven` is None before its first proof."""
+    """Return the state of the guardian's last act, None without one; `unproven` is None before its first proof."""
     act = last_act(guardian_lines(folder))
     if act is None:
         return None
@@ -92,7 +92,7 @@ def _guardian(folder: Path) -> dict[str, Any] | None:
 
 
 def _in_lines(follower: Follower, pause: Pause) -> None:
-    """Show what happens as the run itself shows it; what happened before is told in one line."""
+    """Show events as the run itself shows them; earlier ones are summed up in one line."""
     progress = Progress(sys.stdout)
     for line in follower.read():
         progress.pass_by(line.event)
@@ -144,7 +144,7 @@ def _size() -> tuple[int, int]:
 
 
 def _end(follower: Follower) -> Iterator[str]:
-    """Tell how the run ended: with its verdict, or not at all."""
+    """Print how the run ended: with its verdict, or not at all."""
     name = follower.folder.name
     if follower.sealed():
         seen = look(follower.folder)

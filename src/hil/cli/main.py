@@ -1,4 +1,4 @@
-"""The command line: one module per command, loaded when it is asked for."""
+"""The command line: one module per command, loaded on demand."""
 
 from __future__ import annotations
 
@@ -105,9 +105,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
             code = _code(Invocation(given, None))
             if error := edge.finish():
                 untold = _of_output(error)
-                code = untold if code in {0, _UNTOLD} else code  # what happened to a bench outweighs who reads it
+                code = untold if code in {0, _UNTOLD} else code  # the state of a bench outweighs a lost reader
         sys.exit(code)
-    gc.disable()  # next to nothing of what a run loads is garbage; it enables this once the bench is there
+    gc.disable()  # a run loads hardly any garbage; it enables this once the bench is up
     with displays():
         code = _code(Invocation(given, word))
     word.leave(code)
@@ -155,7 +155,7 @@ def _of_file(error: OSError) -> int:
 
 
 def _of_output(error: OSError) -> int:
-    """Return the exit code of a command that could not say what it had to; a reader that has gone is not told."""
+    """Return the exit code of a command whose output could not be written; a reader that has gone gets no message."""
     if error.errno == errno.EPIPE:
         return _UNTOLD
     _say(f"hil: standard output could not be written: {error.strerror}", "     free some space, or write elsewhere")
@@ -168,7 +168,7 @@ def _internal() -> int:
 
 
 def _say(*lines: str) -> None:
-    """Write to standard error, if somebody reads it; the exit code does not depend on that."""
+    """Write to standard error if possible; the exit code does not depend on it."""
     with suppress(OSError, ValueError):
         for line in lines:
-            click.echo(line, err=True, color=True)  # nothing is stripped: it would be seen by nobody
+            click.echo(line, err=True, color=True)  # nothing is stripped: it would be lost

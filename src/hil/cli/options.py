@@ -41,7 +41,7 @@ class _Finite(click.types.FloatParamType):
     """A finite number."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:  # noqa: ANN401
-        """Return the number; every comparison with NaN is false, so that no range of click's own keeps it out."""
+        """Return the number; comparisons with NaN are false, so click's own ranges let it pass."""
         number = super().convert(value, param, ctx)
         if not math.isfinite(number):
             self.fail(f"{number} is not a finite number.", param, ctx)
@@ -91,7 +91,7 @@ ACKNOWLEDGE_WITHIN = click.option(
 
 
 def name_option(flag: str, *, help: str) -> Callable[[_Command], _Command]:  # noqa: A002 - click's word
-    """Return an option that takes the name of a person; left out it is an empty text."""
+    """Return an option that takes the name of a person; empty by default."""
     return click.option(flag, default="", metavar="NAME", help=help, callback=_named)
 
 
@@ -102,7 +102,7 @@ def _named(context: click.Context, option: click.Parameter, value: str) -> str:
 
 
 def unit_option(flag: str, *, help: str, required: bool = False) -> Callable[[_Command], _Command]:  # noqa: A002 - as above
-    """Return an option that takes a unit that is known."""
+    """Return an option that takes a known unit."""
     return click.option(flag, required=required, metavar="UNIT", help=help, callback=_known_unit)
 
 
@@ -135,7 +135,7 @@ def attendance_options(command: _Command) -> _Command:
 
 
 def attendance_of(options: Mapping[str, Any], *, left_alone: bool) -> dict[str, Any]:
-    """Return what a request says of its attendance.
+    """Return the attendance settings of a request.
 
     Args:
         options: those of `attendance_options`.
@@ -168,10 +168,10 @@ def deviation_options(command: _Command) -> _Command:
 
 
 def only_of(cases: Sequence[str]) -> tuple[str, ...]:
-    """Return the only cases that are run, sorted.
+    """Return the cases of `--only`, sorted.
 
     Raises:
-        Refused: where nothing is named, or a case is named twice.
+        Refused: if a name is empty, or a case is named twice.
     """
     if not all(case.strip() for case in cases):
         raise Refused("--only is empty", "name the case as hil plan shows it")
@@ -181,10 +181,10 @@ def only_of(cases: Sequence[str]) -> tuple[str, ...]:
 
 
 def skips_of(cases: Sequence[str], reasons: Sequence[str]) -> dict[str, str]:
-    """Return by case the reason why it is left out.
+    """Return the reason for each skipped case.
 
     Raises:
-        Refused: where a case has no reason, nothing is named, or a case is named twice.
+        Refused: if a case has no reason, a name is empty, or a case is named twice.
     """
     if len(cases) != len(reasons):
         raise Refused(
@@ -201,10 +201,10 @@ def skips_of(cases: Sequence[str], reasons: Sequence[str]) -> dict[str, str]:
 
 
 def overrides_of(pairs: Sequence[str]) -> dict[str, str]:
-    """Return by parameter the value that it is changed to.
+    """Return the new value of each changed parameter.
 
     Raises:
-        Refused: where there is no value, or a parameter is named twice.
+        Refused: if a value is missing, or a parameter is named twice.
     """
     found = [_pair(text) for text in pairs]
     names = [name for name, _ in found]

@@ -1,4 +1,4 @@
-"""Runs as a person speaks of them: which one is meant, what it waits for, and what it answers."""
+"""Runs by name: finding the one that is meant, what it waits for, and its reply."""
 
 from __future__ import annotations
 
@@ -28,33 +28,33 @@ _PATIENCE_S = 10.0
 _LOOK_S = 0.1
 
 LATEST = "latest"
-"""What a person says for the newest run of the workspace."""
+"""The name of the newest run of the workspace."""
 
 
 def reports_folder() -> Path:
-    """Return the reports folder of the workspace that holds the present folder."""
+    """Return the reports folder of the workspace around the current folder."""
     from hil.executive.setup.workspace import find_workspace  # noqa: PLC0415 - only where a run is named
 
     return find_workspace(Path.cwd()).reports
 
 
 def fixtures_folder() -> Path:
-    """Return the fixtures folder of the workspace that holds the present folder."""
+    """Return the fixtures folder of the workspace around the current folder."""
     from hil.executive.setup.workspace import find_workspace  # noqa: PLC0415 - only where somebody signs
 
     return find_workspace(Path.cwd()).fixtures
 
 
 def shown(path: Path) -> str:
-    """Return a path as a person types it: relative to the present folder where it is inside."""
+    """Return a path as a person would type it: relative to the current folder if it is inside."""
     return str(path.relative_to(Path.cwd())) if path.is_relative_to(Path.cwd()) else str(path)
 
 
 def find_running(asked: str) -> Path:
-    """Return the folder of a run in progress, to which something can be said.
+    """Return the folder of a run in progress, which reads its inbox.
 
     Raises:
-        Refused: if there is none, or nobody would listen any more.
+        Refused: if there is none, or it reads its inbox no more.
     """
     from hil.evidence.folder import is_held, is_sealed  # noqa: PLC0415 - only where a run is spoken to
 
@@ -98,14 +98,14 @@ def find_run(asked: str) -> Path:
 
 
 def latch_word(folder: Path) -> str:
-    """Return what a run waits for whose bench is latched; nothing for any other."""
+    """Return what a run with a latched bench waits for; empty for any other."""
     from hil.executive.ending.acknowledging import waits_for_ack  # noqa: PLC0415 - heavy
 
     return f"latched until hil ack {folder.name}" if waits_for_ack(folder) else ""
 
 
 def answer_of(follower: Follower, *awaited: type[Event]) -> Event | None:
-    """Return the next event of one of these kinds, None where none comes in time or the run ends."""
+    """Return the next event of one of these kinds, None at timeout or if the run ends."""
     from hil.clock import wall  # noqa: PLC0415 - only when it is used
 
     end = wall.monotonic() + _PATIENCE_S

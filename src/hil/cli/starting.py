@@ -65,7 +65,7 @@ def pin() -> None:
 
 
 def _started(arguments: Sequence[str], log: Path) -> tuple[subprocess.Popen[bytes], int]:
-    """Return the process, and the end of a pipe at which it tells where its run writes."""
+    """Return the process, and the end of the pipe on which it reports its run's folder."""
     reader, writer = os.pipe()
     with log.open("xb") as output:
         process = subprocess.Popen(  # noqa: S603 - ourselves
@@ -82,7 +82,7 @@ def _started(arguments: Sequence[str], log: Path) -> tuple[subprocess.Popen[byte
 
 
 def _begun(process: subprocess.Popen[bytes], reader: int) -> Path | None:
-    """Return the run's folder, None where the run ended before there was one; Ctrl-C asks it to stop."""
+    """Return the run's folder, None if the run ended before it had one; Ctrl-C stops the run."""
     told = b""
     with os.fdopen(reader, "rb") as stream:
         while True:

@@ -1,4 +1,4 @@
-"""Supervision: a light process waits beside the one that runs, so that no ending passes for a good one."""
+"""Supervision: a light process waits for the one that runs, so that no abnormal exit passes for a good one."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ ONLOOKER = "HIL_ONLOOKER"
 
 _VARIABLE = "HIL_SUPERVISED"
 _ASKS = frozenset(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
-_SI_KERNEL = 0x80  # the sender was the terminal, which tells the whole group
+_SI_KERNEL = 0x80  # the sender was the terminal, which signals the whole group
 _PR_SET_PDEATHSIG = 1
 _INTERNAL = 3
 _UNSAFE = 7
@@ -35,7 +35,7 @@ _STANDARD_ERROR = 2
 
 
 class Word:
-    """What a supervised process tells its supervisor, so that it is believed.
+    """What a supervised process reports to its supervisor to prove how it ended.
 
     Attributes:
         folder: the run's folder, None before there is one.
@@ -74,7 +74,7 @@ class Word:
         signal.pthread_sigmask(signal.SIG_UNBLOCK, _ASKS)
 
     def begun(self, folder: Path) -> None:
-        """Tell where the run writes."""
+        """Report the run's folder."""
         self.folder = folder
         self._tell("begun", 0)
         if self._onlooker is not None:
@@ -84,7 +84,7 @@ class Word:
             self._onlooker = None
 
     def sealed(self, code: int) -> None:
-        """Tell that the package is sealed, and the exit code; from here on nothing changes them."""
+        """Report that the package is sealed, and the exit code; from here on nothing changes them."""
         self._tell("sealed", code)
 
     def expect(self, seconds: float | None) -> None:
@@ -98,7 +98,7 @@ class Word:
             faulthandler.dump_traceback_later(min(seconds, _LONGEST_S), exit=True, file=_STANDARD_ERROR)
 
     def leave(self, code: int) -> NoReturn:
-        """Tell that the process ends by itself, and end it, whatever threads and exit handlers are left."""
+        """Report that the process ends by itself, and end it, whatever threads and exit handlers are left."""
         self._tell("ended", code)
         os._exit(code)
 
@@ -145,7 +145,7 @@ def supervise(arguments: Sequence[str], environment: Mapping[str, str]) -> int:
             setsigdef=awaited,
         )
         os.close(writer)
-        if (onlooker := _onlooker()) is not None:  # the process that runs tells it, or nobody does
+        if (onlooker := _onlooker()) is not None:  # only the process that runs reports it
             os.close(onlooker)
         status = _wait(child, {*awaited, signal.SIGCHLD}, stamps)
         return _believed(status, _heard(reader))
@@ -188,7 +188,7 @@ def _wait(child: int, awaited: set[signal.Signals], stamps: int) -> int:
     """Return the child's status; what asks this process to end is passed on, and each second is stamped."""
     while True:
         number, of_terminal = _next_signal(awaited)
-        with suppress(OSError):  # a full disk ends nothing
+        with suppress(OSError):  # a full disk is no reason to end
             wall.put_stamp(stamps)
         if not number:
             continue
@@ -212,7 +212,7 @@ def _next_signal(awaited: set[signal.Signals]) -> tuple[int, bool]:
 
 
 def _heard(reader: int) -> dict[str, tuple[int, str]]:
-    """Return the words by what they say; a process that the child left behind may still hold the pipe open."""
+    """Return the reports by kind; a process that the child left behind may still hold the pipe open."""
     os.set_blocking(reader, False)
     try:
         told = os.read(reader, _PIPE).decode("ascii")
@@ -223,11 +223,11 @@ def _heard(reader: int) -> dict[str, tuple[int, str]]:
 
 
 def _believed(status: int, words: Mapping[str, tuple[int, str]]) -> int:
-    """Return the exit code that the words prove; without them the ending was none."""
+    """Return the exit code that the reports prove; without them the process did not end properly."""
     how = _manner(os.waitstatus_to_exitcode(status))
     if "ended" in words:
         code = words["ended"][0]
-        if code == _INTERNAL and "begun" in words and "sealed" not in words:  # it has said itself what went wrong
+        if code == _INTERNAL and "begun" in words and "sealed" not in words:  # it has printed itself what went wrong
             return _died(Path(words["begun"][1]), how, lambda _: None)
         return code
     _begin_line()
@@ -243,7 +243,7 @@ def _believed(status: int, words: Mapping[str, tuple[int, str]]) -> int:
 
 
 def _died(run: Path, how: str, say: Callable[[str], None]) -> int:
-    """Say what a person does next, run the notification of a run that died, and return its exit code."""
+    """Print what a person can do next, send the notification of a run that died, and return its exit code."""
     from hil.cli.died import not_proven, tell_of_death, ways_on  # noqa: PLC0415 - only after a run that was interrupted
 
     left = not_proven(run)
@@ -274,7 +274,7 @@ def _begin_line() -> None:
 
 
 def _say(text: str) -> None:
-    with suppress(OSError, ValueError, AttributeError):  # nobody may be left to read it
+    with suppress(OSError, ValueError, AttributeError):  # there may be no reader left
         sys.stderr.write(f"{text}\n")
         sys.stderr.flush()
 

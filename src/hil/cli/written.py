@@ -1,4 +1,4 @@
-"""Files that a command writes for a person: each is there whole, or the one that stood there before stays."""
+"""Files that a command writes for a person: each is written whole, or the previous one stays."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ __all__ = ["whole", "write_whole_file"]
 
 @contextmanager
 def whole(path: Path) -> Iterator[BinaryIO]:
-    """Open a file for writing; it takes its name once it is whole, so that a full disk costs nobody the one before.
+    """Open a file for writing; it takes its name once it is whole, so that a full disk never costs the previous one.
 
     A pipe or a device is written to as it is, and so is a file in a folder in which no other can be made.
 

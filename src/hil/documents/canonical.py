@@ -1,4 +1,4 @@
-"""JSON that is the same bytes for the same meaning, and a reader that lets nothing slip."""
+"""JSON with the same bytes for the same meaning, and a strict reader."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class JsonError(HilError, ValueError):
 
 
 class Unusual(Exception):
-    """Something that only the complete writer knows how to write, or refuses."""
+    """Something that only the complete writer can write, or refuses."""
 
 
 def _no_other(_: object) -> str:
@@ -49,7 +49,7 @@ def _no_other(_: object) -> str:
 
 
 def quick_text(value: Any, other: Callable[[Any], str] = _no_other) -> str:  # noqa: ANN401, PLR0911 - one return per kind of value
-    """Return the canonical JSON of a value, the same text as `canonical`, where that needs no thought.
+    """Return the canonical JSON of a value, the same text as `canonical`, in simple cases.
 
     Args:
         value: the value.
@@ -142,7 +142,7 @@ def _told_by_library(value: object) -> bytes:
 
 
 def library_text(value: object) -> tuple[bytes, bool]:
-    """Return the library's JSON of a value, and whether that is the canonical one, escapes of characters aside.
+    """Return the library's JSON of a value, and whether that is canonical, apart from character escapes.
 
     The library writes ten times as fast. Its text is the canonical one, too, where no number in it is one that RFC 8785
     writes in a form of its own, and no key one that it orders otherwise; whether one may be is seen without reading the

@@ -26,22 +26,22 @@ class Declaration:
         self._root = schema
 
     def keys(self, path: Path) -> tuple[str, ...]:
-        """Return the keys that the section at a path may have; none where it may have any, or is not a section."""
+        """Return the keys that the section at a path may have; none if any is allowed, or it is not a section."""
         return tuple(_fields(self._at(path)))
 
     def is_named(self, path: Path) -> bool:
-        """Return whether the part at a path is an entry under a name that somebody chose."""
+        """Return whether the part at a path is an entry under a free name."""
         return bool(path) and self._at(path[:-1]).get("type") == "dict"
 
     def choices(self, path: Path) -> tuple[str, ...]:
-        """Return the words that the value at a path may be; none where it may be any."""
+        """Return the allowed words for the value at a path; none if any value is allowed."""
         found = self._at(path)
         if found.get("type") == "enum":
             return tuple(str(member.value) for member in found["members"])
         return tuple(str(word) for word in found.get("expected", ()))
 
     def blank(self, path: Path) -> object:
-        """Return a value for a path that the model takes, whatever it means."""
+        """Return a placeholder for a path that the model accepts."""
         found = self._at(path)
         if found.get("type") in _SECTIONS:
             return {}

@@ -55,7 +55,7 @@ _Model = TypeVar("_Model")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Problem:
-    """One thing that is wrong: the path of the value, or of its key, and a sentence."""
+    """One error: the path of the value, or of its key, and a sentence."""
 
     path: Path
     message: str
@@ -78,11 +78,11 @@ class Document(Generic[_Model]):
         return node_at(self.root, path) is not None
 
     def is_sound(self, path: Path) -> bool:
-        """Return whether everything at and below a path was read as it is declared."""
+        """Return whether everything at and below a path matches its declaration."""
         return not self.wrong or all(wrong[: len(path)] != path for wrong in self.wrong)
 
     def follows(self, path: Path) -> bool:
-        """Return whether what is wrong at a path may only follow from what could not be read at, above or below it."""
+        """Return whether an error at a path may be a consequence of something unreadable at, above or below it."""
         return any(path[: len(wrong)] == wrong[: len(path)] for wrong in self.wrong)
 
     def place(self, path: Path) -> Place:
@@ -99,7 +99,7 @@ class Invalid(HilError, ValueError):
     """Values that are not what their model declares.
 
     Attributes:
-        problems: everything that is wrong, each with its path in the document.
+        problems: all errors, each with its path in the document.
         repaired: the model with blank values in the places of the wrong ones, or None if there is none.
     """
 
@@ -114,13 +114,13 @@ def read_document(
 ) -> Document[_Model] | None:
     """Read a file into a model; its `schema` key must say what is expected.
 
-    Everything that is wrong is noted. A model is returned also where values are missing or wrong, with blank ones in
+    All errors are noted. A model is returned also where values are missing or wrong, with blank ones in
     their places, so that what must hold between the others can be checked, too.
 
     Args:
         file: where the document is.
         shown: its path as shown to a person, relative to the workspace.
-        findings: where everything that is wrong is noted.
+        findings: where all errors are noted.
         model: a dataclass or pydantic model, its fields declared with the types of `hil.model.notation`.
         schema: name and version, such as `hil/bench/1`.
 
@@ -152,7 +152,7 @@ def parse_document(
     for problem in tuple(reading.problems()):
         place = place_at(body, problem.path, of_key=problem.of_key)
         if problem.of_key or not isinstance(place, Scalar) or not findings.has(place):
-            findings.add(place, problem.message)  # else not every reader of YAML understands it alike, which was told
+            findings.add(place, problem.message)  # else YAML readers disagree on it, which was reported
     found = reading.repaired()
     return None if found is None else Document(model=found, root=root, wrong=wrong)
 
@@ -167,7 +167,7 @@ def validated(model: type[_Model], values: Mapping[str, object], what: str, path
         path: where it stands in its document.
 
     Raises:
-        Invalid: with everything that is wrong, at paths of the document.
+        Invalid: with all errors, at paths of the document.
     """
     reading = _Reading(model, _node_of(values), what)
     found = reading.problems()
@@ -181,7 +181,7 @@ def read_json(data: bytes, model: type[_Model]) -> _Model:
     """Return the model of a JSON file that the product itself has written.
 
     Raises:
-        Invalid: with everything that is wrong, at paths of the file, in the words of the library.
+        Invalid: with all errors, at paths of the file, in the words of the library.
     """
     adapter, _ = _declared(model)  # type: ignore[arg-type]  # a class is hashable
     try:
@@ -213,7 +213,7 @@ class _Reading(Generic[_Model]):
         self._errors = self._validate()
 
     def problems(self) -> Iterator[Problem]:
-        """Give everything that is wrong."""
+        """Yield all errors."""
         unknown: dict[Path, int] = {}
         for error in self._errors:
             inside = error["loc"][:-1]
@@ -230,7 +230,7 @@ class _Reading(Generic[_Model]):
                 yield self._problem(path, words)
 
     def wrong(self) -> Iterator[Path]:
-        """Give the path of everything that is wrong, also of missing keys and of those that misspelt ones stand for."""
+        """Yield the paths of all errors, including missing keys and those that misspelt ones stand for."""
         for error in self._errors:
             path, kind = error["loc"], error["type"]
             if kind in _REQUIRED:
@@ -309,7 +309,7 @@ class _Reading(Generic[_Model]):
         return Problem(path=path, message=f"{self._named(path[:-1])}: {last} {words}")
 
     def _named(self, path: Path) -> str:
-        """Return what a person calls the part at a path: its key, or with an entry's name that of its section, too."""
+        """Return the name of the part at a path: its key, preceded by the section's name for a named entry."""
         names = [part for part in path if isinstance(part, str)]
         if not names:
             return self._what
@@ -362,7 +362,7 @@ def _declared(model: type[Any]) -> tuple[TypeAdapter[Any], Declaration]:
 
 
 def _is_of(schema: str, head: Node | None, root: Node, findings: Findings) -> bool:
-    """Return whether a document is one of the schema, or does not say of which one it is, which is a finding."""
+    """Return whether a document has this schema; a missing schema is a finding, and counts as this one."""
     if head is None:
         findings.add(root, f"{schema.split('/')[-2]}: key 'schema' is missing")
     elif not isinstance(head, Scalar) or head.kind is not ScalarKind.TEXT:

@@ -1,4 +1,4 @@
-"""Everything that is wrong with a set of files, gathered before anything is reported."""
+"""All errors in a set of files, gathered before any is reported."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["Findings", "shown"]
 _Read = TypeVar("_Read")
 
 _LONGEST = 500
-"""A message may quote the contents of the file, which may be megabytes."""
+"""The maximum length of a message, which may quote megabytes of a file."""
 
 
 class Findings:
@@ -24,17 +24,17 @@ class Findings:
         self._findings: dict[Finding, None] = {}
 
     def add(self, place: Place, message: str) -> None:
-        """Note that something is wrong at a node or place; a message is cut where it gets endless."""
+        """Note an error at a node or place; an endless message is truncated."""
         if len(message) > _LONGEST:
             message = f"{message[:_LONGEST]}..."
         self.repeat(Finding(path=place.path, line=place.line, column=place.column, message=message))
 
     def repeat(self, finding: Finding) -> None:
-        """Take over a finding that was made elsewhere."""
+        """Add a finding that was made elsewhere."""
         self._findings[finding] = None
 
     def has(self, place: Place) -> bool:
-        """Return whether something is wrong at exactly this place; what follows from it would be told twice."""
+        """Return whether there is an error at exactly this place; its consequences would be reported twice."""
         return any((each.path, each.line, each.column) == (place.path, place.line, place.column) for each in self)
 
     def raise_if_any(self) -> None:

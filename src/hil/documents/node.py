@@ -1,4 +1,4 @@
-"""A document as a tree of frozen nodes that know where they stand; a large one has a hundred thousand of them."""
+"""A document as a tree of frozen nodes with their places; a large one has a hundred thousand of them."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Node(Place, frozen=True, kw_only=True):
 
 
 class ScalarKind(StrEnum):
-    """What a scalar is; whatever YAML versions disagree on was refused before."""
+    """What a scalar is; anything that YAML versions disagree on was refused before."""
 
     TEXT = "text"
     FLAG = "flag"

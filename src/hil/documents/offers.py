@@ -18,7 +18,7 @@ _Offer = TypeVar("_Offer")
 class Offers(Generic[_Offer]):
     """Everything that installed packages offer in one group of entry points, by name.
 
-    Our own offers are entry points like everybody's. An offer is imported when it is asked for, and at most once.
+    Our own offers are entry points like any others. An offer is imported on demand, and at most once.
 
     Args:
         group: the group of entry points, such as `hil.drivers`.
@@ -97,7 +97,7 @@ class Offers(Generic[_Offer]):
     def _load(self, point: EntryPoint) -> _Offer:
         try:
             loaded = point.load()
-        except Exception as error:  # importing somebody's module can raise anything
+        except Exception as error:  # importing a third-party module can raise anything
             why = str(error) if isinstance(error, ImportError | AttributeError) else f"{type(error).__name__}: {error}"
             what = f"{self.what} '{point.name}'{_by(point)} cannot be imported: {why}"
             raise Refused(what, "reinstall its package, or repair it") from error
@@ -125,5 +125,5 @@ def _name(point: EntryPoint) -> str:
 
 
 def _by(point: EntryPoint) -> str:
-    """Return which package offers it, nothing if that is not known; to find out takes milliseconds."""
+    """Return which package offers it, empty if unknown; the look-up takes milliseconds."""
     return f" (package {point.dist.name} {point.dist.version})" if point.dist else ""

@@ -1,4 +1,4 @@
-"""Files that are read once: whoever asks for one again gets the same bytes, whatever is on the disk by then."""
+"""Files that are read once: every later read gets the same bytes, whatever is on disk by then."""
 
 from __future__ import annotations
 
@@ -49,11 +49,11 @@ class Snapshot:
         return self.keep(path, path.read_bytes()) if held is None else held
 
     def keep(self, path: Path, data: bytes) -> bytes:
-        """Hold what was read of a file, unless it is held already; return what is held."""
+        """Keep the content of a file, unless it is kept already; return what is kept."""
         return self._held.setdefault(path, data)
 
     def is_as_on_disk(self, path: Path) -> bool:
-        """Return whether a held file still has the same content on the disk."""
+        """Return whether a kept file still has the same content on disk."""
         try:
             return path.read_bytes() == self._held[path]
         except OSError:

@@ -24,7 +24,7 @@ _NOTHING = frozenset({"", "~", "null", "Null", "NULL"})
 _FLAGS = frozenset({"true", "false"})
 _INTEGER = re.compile(r"[-+]?(0|[1-9][0-9]*)|0x[0-9a-fA-F]+")
 _QUOTE = 'write it in quotes: "{}"'
-# What YAML 1.1, YAML 1.2 and a person read differently, why it is refused, and what to write.
+# What YAML 1.1, YAML 1.2 and people read differently, why it is refused, and what to write.
 _SURPRISES = (
     (
         re.compile(r"(yes|no|on|off)", re.IGNORECASE),
@@ -46,7 +46,7 @@ _SURPRISES = (
 
 
 _PLAIN = re.compile(r"(?!(?:yes|no|on|off|true|false|null)\Z)[A-Za-z/_(]", re.IGNORECASE)
-"""How text begins that nobody reads as anything else."""
+"""The first characters of text that is read as nothing else."""
 
 
 def read_yaml(file: Path, shown: str, findings: Findings) -> Node | None:
@@ -55,7 +55,7 @@ def read_yaml(file: Path, shown: str, findings: Findings) -> Node | None:
     Args:
         file: where the document is.
         shown: its path as shown to a person, relative to the workspace.
-        findings: where everything that is refused is noted.
+        findings: where everything refused is noted.
     """
     data = read_bytes(file, shown, findings)
     return None if data is None else parse_yaml(data, shown, findings)
@@ -68,7 +68,7 @@ def parse_yaml(data: bytes, shown: str, findings: Findings) -> Node | None:
 
 
 class _Stop(Exception):
-    """Reading on makes no sense; the reason is among the findings."""
+    """Stop reading; the reason is among the findings."""
 
 
 class _Composer:

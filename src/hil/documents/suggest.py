@@ -9,7 +9,7 @@ __all__ = ["did_you_mean", "nearest"]
 
 
 _LONGEST = 100
-"""No known word is longer, and comparing takes the square of the length."""
+"""Longer words are not compared: no known word is longer, and the cost is quadratic in the length."""
 
 
 def nearest(word: str, known: Iterable[str]) -> str:

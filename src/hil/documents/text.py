@@ -1,4 +1,4 @@
-"""Text that people can trust: how a file is decoded, and what hides in a text or would drive a terminal."""
+"""Trustworthy text: decoding files, and finding hidden characters and terminal control sequences."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from hil.documents.snapshot import current_snapshot
 from hil.model.errors import Finding, Refused
 
-if TYPE_CHECKING:  # every command shows text, and few read documents
+if TYPE_CHECKING:  # every command prints text, but few read documents
     from hil.documents.findings import Findings
 
 __all__ = [
@@ -34,7 +34,7 @@ _PLAIN = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*")
 _DEVICE = re.compile(r"(con|prn|aux|nul|com[0-9]|lpt[0-9])(\..*)?", re.IGNORECASE)
 _BYTE_ORDER_MARK = "\ufeff"
 _REORDERING = "\u061c\u200b-\u200f\u2028-\u202e\u2060-\u2069\ufeff"
-"""Marks that reorder or hide text, and separators that only some readers take for the end of a line."""
+"""Marks that reorder or hide text, and separators that only some readers take as line ends."""
 
 _HIDDEN = re.compile(
     "[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f"  # controls; NEL is a line end to some readers and none to others
@@ -54,7 +54,7 @@ def counted(count: int, word: str) -> str:
 
 
 def visible(text: str) -> str:
-    r"""Return a text that no terminal obeys: what would move its cursor or reorder its text becomes an escape.
+    r"""Return a text without effect on a terminal: what would move the cursor or reorder text becomes an escape.
 
     The escape of ESC is `\u001b`, which means the same inside a JSON string. Tabs and line feeds stay.
     """
@@ -64,7 +64,7 @@ def visible(text: str) -> str:
 
 
 def name_problem(name: object, *, file: bool = False) -> str:
-    """Return why this cannot name a part of a run, empty if it can: the one rule for all names that cases give.
+    """Return why this cannot name a part of a run, empty if it can: the one rule for all names that cases choose.
 
     Args:
         name: the name of a recording, a channel or a file.
@@ -86,17 +86,17 @@ def name_problem(name: object, *, file: bool = False) -> str:
 
 
 def require_name(option: str, name: str) -> None:
-    """Refuse what cannot be the name of a person or a thing in evidence.
+    """Refuse what cannot name a person or a thing in evidence.
 
     Raises:
-        Refused: for a blank name, a very long one, and one with characters that nobody sees.
+        Refused: for a blank name, a very long one, and one with invisible characters.
     """
     if problem := named_wrongly(name):
         raise Refused(f"{option} {problem[0]}", problem[1])
 
 
 def named_wrongly(name: str) -> tuple[str, str] | None:
-    """Return why a text cannot be the name of a person or a thing in evidence, and what to do; None if it can."""
+    """Return why a text cannot name a person or a thing in evidence, and what to do; None if it can."""
     if not name.strip():
         return "is empty", "give a name"
     if len(name) > _LONGEST_NAME:
@@ -109,13 +109,13 @@ def named_wrongly(name: str) -> tuple[str, str] | None:
 
 
 def is_there(file: Path) -> bool:
-    """Return whether there is such a file; in a snapshot it is there for good."""
+    """Return whether the file exists; in a snapshot it always does."""
     snapshot = current_snapshot()
     return (snapshot is not None and file in snapshot) or file.exists()
 
 
 def read_bytes(file: Path, shown: str, findings: Findings) -> bytes | None:
-    """Return the contents of a file, one byte too many of one that is too large; None if it cannot be read.
+    """Return the contents of a file, one byte beyond the limit if it is too large; None if it cannot be read.
 
     Where there is a snapshot, its content is from there, or is held there from now on.
 

@@ -328,7 +328,7 @@ class _Rows:
             if count != layout.width and not layout.quoted:
                 raise Refused(
                     f"{self.path}:{number}:1: {count} cells, where the rows above have {layout.width}",
-                    "correct or remove the line",
+                    "fix or remove the line",
                 )
             yield line
 
@@ -377,9 +377,7 @@ def _located(
                 if place < len(cells) and not _is_read(layout, cells[place], special.get(place)):
                     column = _position(layout, line, place)
                     usual = (
-                        _AS_TIMES
-                        if _CLOCK.search(cells[place])
-                        else "correct or remove the line, or choose other columns"
+                        _AS_TIMES if _CLOCK.search(cells[place]) else "fix or remove the line, or choose other columns"
                     )
                     wanted = special.get(place) or Reading(number=float, what="number", hint=usual)
                     shown = "".join(each if each.isprintable() else "?" for each in cells[place][:_SHOWN])
@@ -387,7 +385,7 @@ def _located(
                         f"{path}:{number}:{column}: '{shown}' in column {place + 1} is not a {wanted.what}",
                         wanted.hint,
                     )
-    return Refused(f"{path}: {error}", "correct the table")
+    return Refused(f"{path}: {error}", "fix the table")
 
 
 def _position(layout: Layout, line: str, place: int) -> int:

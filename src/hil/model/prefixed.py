@@ -21,7 +21,7 @@ def prefixed(value: float, unit: str) -> str:
     """
     size = math.floor(math.log10(abs(value))) if value and math.isfinite(value) else 0
     exponent = 0 if -3 <= size < 5 or unit not in _SCALED else max(-9, min(9, 3 * (size // 3)))
-    digits = f"{value / 10.0**exponent + 0.0:.4g}"  # nobody says minus zero
+    digits = f"{value / 10.0**exponent + 0.0:.4g}"  # no minus zero
     if exponent and digits in {"1000", "-1000"}:  # rounded up to the next prefix
         exponent, digits = exponent + 3, digits.removesuffix("000")
     return f"{digits} {_PREFIXES[exponent]}{unit}".rstrip()

@@ -18,7 +18,7 @@ __all__ = ["Doubt", "calibration_problem", "doubts", "events_after"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Doubt:
-    """An interval in which nobody knows whether an instrument read right.
+    """An interval in which the readings of an instrument are in doubt.
 
     Attributes:
         first: its first day, empty if it has no beginning.
@@ -79,7 +79,7 @@ def _named(instrument: RegisteredInstrument, certificate: Certificate) -> str:
 def calibration_problem(instrument: RegisteredInstrument, first: str, last: str) -> str:
     """Return why an instrument was not in calibration from one day to another, nothing if it was.
 
-    A certificate counts from its date to its due date, both included. What is in doubt is told by `doubts`.
+    A certificate counts from its date to its due date, both included. `doubts` gives the intervals in doubt.
 
     Args:
         instrument: the instrument with all its certificates.
@@ -98,7 +98,7 @@ def calibration_problem(instrument: RegisteredInstrument, first: str, last: str)
 
 
 def events_after(events: Sequence[UnitEvent], began: str) -> tuple[UnitEvent, ...]:
-    """Return the events for which evidence of a unit has to be obtained again, in the order of the register.
+    """Return the events after which evidence for a unit has to be repeated, in the order of the register.
 
     Args:
         events: what the register says was done to the unit.

@@ -1,4 +1,4 @@
-"""The register of instruments, `fixtures/instruments.yaml`: who they are, and what their certificates say."""
+"""The register of instruments, `fixtures/instruments.yaml`: their identities and certificates."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _Digest = Annotated[str, matching("[0-9a-f]{64}", "a SHA-256: 64 digits of 0-9 a
 
 
 class AsFound(StrEnum):
-    """What the laboratory found before it touched the instrument."""
+    """What the laboratory found before any adjustment."""
 
     IN_TOLERANCE = "in tolerance"
     OUT_OF_TOLERANCE = "out of tolerance"
@@ -95,7 +95,7 @@ class RegisteredInstrument:
         model: the maker's name of it.
         serial: its serial number.
         title: what it is, in words.
-        certificates: all that are known of it, the oldest first; none where it has never been calibrated.
+        certificates: all known ones, the oldest first; none if it has never been calibrated.
     """
 
     id: str = field(default="", metadata=NAMED)
@@ -112,7 +112,7 @@ class RegisteredInstrument:
 
     @property
     def calibration(self) -> Calibration | None:
-        """The newest certificate as a bench uses it, None where there is none."""
+        """The newest certificate as a bench uses it, None if there is none."""
         newest = self.latest
         if newest is None:
             return None
@@ -149,7 +149,7 @@ def load_instruments(path: Path, shown: str, findings: Findings) -> Mapping[str,
     Args:
         path: the file; a workspace need not have one.
         shown: its path as shown to a person.
-        findings: where everything that is wrong is noted.
+        findings: where all errors are noted.
 
     Returns:
         The instruments by their names in the register, none if there is no such file.

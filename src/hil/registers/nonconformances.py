@@ -1,4 +1,4 @@
-"""What persons state and approve: nonconformance reports, waivers, and verifications without a run, each in a register.
+"""What people state and approve: nonconformance reports, waivers, and verifications without a run, each in a register.
 
 `fixtures/nonconformances.yaml` has what went wrong and what was done about it, `fixtures/waivers.yaml` which
 requirement need not be met by which unit, `fixtures/verifications.yaml` what was shown by analysis, inspection or
@@ -95,13 +95,13 @@ class Nonconformance:
         id: its number.
         title: what is wrong, in one line.
         date: the day on which it was found.
-        by: who wrote it; somebody else must approve it.
+        by: who wrote it; someone else must approve it.
         requirements: the requirements that are not met.
         units: the units that do not conform.
         run: the run that found it, if one did.
         check: the parameter whose check failed, if one did.
         cause: why it happened.
-        disposition: what becomes of the units; None as long as nobody has decided.
+        disposition: what becomes of the units; None while undecided.
         action: what was done; None as long as it is not complete.
     """
 
@@ -119,7 +119,7 @@ class Nonconformance:
 
     @property
     def complete(self) -> bool:
-        """Whether it says what becomes of the units and what was done, so that it can be approved."""
+        """Whether it has a disposition and the action taken, so that it can be approved."""
         return self.disposition is not None and (self.disposition.needs_waiver or self.action is not None)
 
 
@@ -132,7 +132,7 @@ class Waiver:
         title: what is accepted, in one line.
         date: the day of the request.
         until: the last day on which it counts.
-        by: who asks for it; somebody else must approve it.
+        by: who requests it; someone else must approve it.
         requirement: the requirement.
         rev: its revision.
         fingerprint: its fingerprint, as its lock and the audit give it.
@@ -273,7 +273,7 @@ def load_records(
 
     Args:
         fixtures: the folder of fixtures.
-        findings: where everything that is wrong is noted.
+        findings: where all errors are noted.
         requirements: the kind of every requirement by its id; None if names of requirements are not compared.
         duts: the units by serial number; None if names of units are not compared.
     """
@@ -334,7 +334,7 @@ class _Known:
         self._requirements, self._duts = requirements, duts
 
     def of(self, item: Filing) -> _Problems:
-        """Give what is wrong with an item: its key and a sentence."""
+        """Yield the errors of an item: key and sentence."""
         for keys, day in _days(item):
             if day and not is_date(day):
                 yield keys, f"the date {day} does not exist"

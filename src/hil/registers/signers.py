@@ -35,7 +35,7 @@ _Role = Annotated[str, matching("[a-z][a-z-]*", "a word in small letters, such a
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeldRole:
-    """A role that somebody holds.
+    """A role that a person holds.
 
     Attributes:
         role: the role's name.
@@ -73,7 +73,7 @@ class Signer:
         return any(each.role == role and each.since <= day <= (each.until or day) for each in self.roles)
 
     def stands_for(self, who: str, day: str) -> bool:
-        """Return whether somebody who is asked for by role or name is this person, on a day, ISO 8601."""
+        """Return whether this person fits a required role or name on a day, ISO 8601."""
         return self.is_called(who) or self.holds(_plain(who).replace(" ", "-"), day)
 
 
@@ -95,7 +95,7 @@ class Signers:
     """The register and the files of keys beside it.
 
     Attributes:
-        people: everybody in the register.
+        people: everyone in the register.
         folder: the folder of fixtures.
         required: what a package needs.
     """
@@ -120,7 +120,7 @@ class Signers:
         )
 
     def called(self, name: str) -> Signer | None:
-        """Return the person of a name; None if nobody is called so."""
+        """Return the person of a name; None if there is none."""
         return next((each for each in self.people if each.is_called(name)), None)
 
 
@@ -131,10 +131,10 @@ class _Register:
 
 
 def load_signers(fixtures: Path) -> Signers:
-    """Return the register of a folder of fixtures; nobody is in one that does not exist.
+    """Return the register of a folder of fixtures; empty if it does not exist.
 
     Raises:
-        ConfigurationError: with everything that is wrong with it.
+        ConfigurationError: with all errors in it.
     """
     path = fixtures / SIGNERS
     if not path.exists():

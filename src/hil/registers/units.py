@@ -35,7 +35,7 @@ def load_duts(path: Path, shown: str, findings: Findings) -> tuple[Dut, ...]:
     Args:
         path: the file.
         shown: its path as shown to a person.
-        findings: where everything that is wrong is noted.
+        findings: where all errors are noted.
     """
     document = read_document(path, shown, findings, _Register, schema=_SCHEMA)
     if document is None:
@@ -56,7 +56,7 @@ def load_duts(path: Path, shown: str, findings: Findings) -> tuple[Dut, ...]:
 
 
 def _problems(event: UnitEvent) -> Iterator[tuple[str, str]]:
-    """Give what is wrong with an event: its key and a sentence."""
+    """Yield the errors of an event: key and sentence."""
     for key, day in (("date", event.date), ("until", event.until)):
         if day and not is_date(day):
             yield key, f"the date {day} does not exist"

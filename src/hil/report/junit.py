@@ -1,4 +1,4 @@
-"""JUnit XML: what continuous integration reads of a run, with requirements as properties."""
+"""JUnit XML of a run for continuous integration, with requirements as properties."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def _written(root: ET.Element) -> bytes:
 
 
 def junit_of_damage(run: str, sentence: str) -> bytes:
-    """Return what is said of a damaged package: one test case that is in error, and no word of its cases.
+    """Return JUnit XML for a damaged package: one test case in error, and nothing about its cases.
 
     Args:
         run: the name of the run.

@@ -90,7 +90,7 @@ class Material:
         return "" if head == ZERO else head
 
     def sent(self) -> Mapping[int, str]:
-        """Return the UTC at which what came from other terminals was sent; earlier records do not tell it."""
+        """Return the UTC at which messages from other terminals were sent; earlier records lack it."""
         return {line.event.seq: str(line.wall["sent"]) for line in self._package.lines() if "sent" in line.wall}
 
     def stamp_of(self, seq: int) -> str:
@@ -118,7 +118,7 @@ class Material:
         return self._package.text(f"data/{relative}") if (self._data / relative).is_file() else ""
 
     def guardian(self) -> Sequence[Body]:
-        """Return what the guardian wrote down; nothing where it had nothing to do."""
+        """Return what the guardian recorded; nothing if it had nothing to do."""
         return guardian_lines(self._package.folder)
 
     def names(self, folder: str) -> Sequence[str]:
@@ -127,7 +127,7 @@ class Material:
         return sorted(entry.name for entry in place.iterdir()) if place.is_dir() else []
 
     def traces(self, recording: str) -> Sequence[Trace]:
-        """Return the channels of a recording; none where its samples cannot be read, which `verify` tells."""
+        """Return the channels of a recording; none if its samples cannot be read, which `hil verify` reports."""
         try:
             found = self._package.recording(recording)
             return [_trace(found, name) for name in found.channels]
@@ -242,7 +242,7 @@ def requirement_entries(material: Material) -> Mapping[str, Body]:
 
 
 def unspoken(entries: Mapping[str, Body], spoken: Container[str]) -> tuple[tuple[str, str], ...]:
-    """Return the requirements of the plans that a run is silent about, with why: the method, or `withdrawn`."""
+    """Return the requirements of the plans that a run does not cover, with the reason: the method, or `withdrawn`."""
     return tuple(
         (name, "withdrawn" if text(entry, "withdrawn") == "true" else text(entry, "method"))
         for name, entry in sorted(entries.items())
@@ -251,7 +251,7 @@ def unspoken(entries: Mapping[str, Body], spoken: Container[str]) -> tuple[tuple
 
 
 def demands(entry: Body) -> tuple[str, ...]:
-    """Return what a requirement asks for, a line each: its limits, what it wants recorded, and for which variants."""
+    """Return what a requirement demands, a line each: its limits, its recordings, and its variants."""
     limits = tuple(_limit(limit) for limit in inners(entry, "limits"))
     records = inner(entry, "records")
     over = inner(entry, "over")

@@ -22,7 +22,7 @@ __all__ = [
 
 NOT_A_NUMBER = "not a number"
 _DIGITS = 6
-_DIGITS_ALONE = 4  # of a measured value whose uncertainty nobody knows
+_DIGITS_ALONE = 4  # of a measured value of unknown uncertainty
 _FINEST = 1e13  # beyond this ratio a double no longer holds the digits that the uncertainty asks for
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _WIDE = Context(prec=700)
@@ -139,7 +139,7 @@ def limit_text(limit: Mapping[str, object] | None, unit: str) -> str:
 
 
 def duration(seconds: object) -> str:
-    """Return how long something took or takes, in the units that a person would say."""
+    """Return a duration in the units that a person would use."""
     if not isinstance(seconds, int | float) or not math.isfinite(seconds):
         return ""
     if seconds < 60:
@@ -161,7 +161,7 @@ def bench_time(seconds: object) -> str:
 
 
 def _parts(value: float, digits: int) -> tuple[str, int]:
-    """Return a finite number as at most so many digits, and the power of ten that they are of."""
+    """Return a finite number with at most this many digits, and the power of ten that they are of."""
     exact = Decimal(repr(value))
     if exact == exact.to_integral_value() and abs(exact) < Decimal("1e9"):
         return str(int(exact)), 0

@@ -13,7 +13,7 @@ from hil.model.errors import Refused
 __all__ = ["BROWSERS", "print_page"]
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "microsoft-edge", "brave-browser")
-"""What can print without a window, in the order in which it is looked for on the PATH."""
+"""Browsers that print headless, in the order in which they are searched for on the PATH."""
 
 _LONGEST_S = 120.0
 _OPTIONS = ("--headless=new", "--disable-gpu", "--disable-extensions", "--no-first-run", "--no-pdf-header-footer")
@@ -48,7 +48,7 @@ def print_page(page: bytes, to: Path) -> None:
 
 
 def _run(browser: str, source: Path, printed: Path, profile: Path) -> str:
-    """Let a browser print, and return what it said last."""
+    """Let a browser print, and return its last message."""
     # Chromium's sandbox refuses to start as root; the page has no script, and may load nothing.
     root = ["--no-sandbox"] if os.geteuid() == 0 else []
     command = [browser, *_OPTIONS, *root, f"--user-data-dir={profile}", f"--print-to-pdf={printed}", source.as_uri()]

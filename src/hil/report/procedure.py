@@ -29,11 +29,11 @@ from hil.report.tables import labelled
 __all__ = ["procedure_lines"]
 
 _INDENT = "  "
-_MOST_ALIKE = 3  # how many of a step's calls of one kind are written out
+_MOST_ALIKE = 3  # how many calls of one kind are listed per step
 
 
 def procedure_lines(events: Sequence[Event], requirements: Mapping[str, Body]) -> list[str]:
-    """Return the procedure that these events tell: cases, numbered steps, drives, recordings and questions.
+    """Return the procedure in these events: cases, numbered steps, drives, recordings and questions.
 
     Args:
         events: those of a journal; for a plan, those of a run on the simulated bench.
@@ -60,7 +60,7 @@ def _head(run: Run | None, cases: int, events: Sequence[Event]) -> str:
 
 
 def _driven(events: Sequence[Event]) -> Iterator[tuple[str, str]]:
-    """Give what the cases drive at all, by role."""
+    """Yield everything that the cases drive, by role."""
     effects = (event for event in events if isinstance(event, Effect) and event.effect == "drives")
     yield "drives", ", ".join(sorted({event.name.rpartition(".")[0] for event in effects}))
 
@@ -70,28 +70,28 @@ def _deviations(run: Run | None) -> Iterator[tuple[str, str]]:
 
 
 def _not_passed(run: Run | None, events: Sequence[Placed]) -> Iterator[tuple[str, str]]:
-    """Give how many cases would not pass."""
+    """Yield the number of cases that would not pass."""
     bad = sum(isinstance(each.event, CaseEnd) and each.counted and not each.event.verdict.good for each in events)
     if bad:
         yield "not passed", f"{counted(bad, 'case')}, on the {f'{run.source} bench' if run else 'bench'}"
 
 
 def _not_covered(requirements: Mapping[str, Body], named: Container[str]) -> Iterator[tuple[str, str]]:
-    """Give the requirements that no case carries; those that no case verifies by their method are told with it."""
+    """Yield the requirements that no case carries; those that their method excludes from cases are listed with it."""
     left = unspoken(requirements, named)
     yield "no case", ", ".join(name for name, why in left if why in BY_CASES)
     yield "other methods", ", ".join(f"{name} ({why})" for name, why in left if why not in BY_CASES)
 
 
 def _requirement(name: str, entry: Body) -> Iterator[str]:
-    """Give what a requirement asks for, a line each, its id before the first."""
+    """Yield what a requirement demands, a line each, its id before the first."""
     asked = demands(entry) or ("limits not recorded",)
     yield f"{name}  {asked[0]}"
     yield from (f"{' ' * len(name)}  {line}" for line in asked[1:])
 
 
 def _asked(told: Sequence[Sequence[str]]) -> Iterator[str]:
-    """Give the lines of requirements; an empty one stands before the first, and around those of several lines."""
+    """Yield the lines of requirements, with an empty one before the first, and around those of several lines."""
     for before, lines in zip([[""] * 2, *told], told, strict=False):
         if max(len(before), len(lines)) > 1:
             yield ""
@@ -127,7 +127,7 @@ def _case(place: str, case: PlannedCase, events: Sequence[Placed]) -> Iterator[s
 
 
 def _outside(stretch: Sequence[Placed]) -> Iterator[str]:
-    """Give what happens outside steps under a heading of its own; fixtures that set up often only read."""
+    """Yield what happens outside steps under its own heading; set-up fixtures often only read."""
     actions = list(_actions(stretch))
     if actions:
         yield f"{_INDENT * 2}-  {bench_time(stretch[0].event.t)}  Outside any step"
@@ -135,7 +135,7 @@ def _outside(stretch: Sequence[Placed]) -> Iterator[str]:
 
 
 def _stretches(events: Sequence[Placed]) -> Iterator[list[Placed]]:
-    """Give every step's beginning alone, and what happens outside steps in one piece between them."""
+    """Yield every step's beginning alone, and what happens outside steps in one piece between them."""
     outside: list[Placed] = []
     for each in events:
         if isinstance(each.event, Step):
@@ -164,7 +164,7 @@ def _step(step: Step, end: StepEnd | None, within: Sequence[Placed]) -> Iterator
 
 
 def _actions(events: Sequence[Placed]) -> Iterator[str]:
-    """Give what is driven, recorded, asked and checked, in order; calls alike are counted after the first few."""
+    """Yield what is driven, recorded, asked and checked, in order; equal calls are counted after the first few."""
     driven = [each.event for each in events if isinstance(each.event, Effect) and each.event.effect == "drives"]
     totals = Counter(effect.name for effect in driven)
     seen: Counter[str] = Counter()

@@ -1,4 +1,4 @@
-"""The sentences that stand first: what happened, what it is worth, and why."""
+"""The opening sentences: what happened, what it is worth, and why."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ __all__ = [
     "warnings",
 ]
 
-_FEW = 3  # requirements without a check that are told one by one
+_FEW = 3  # requirements without a check that are listed one by one
 _SAYING = frozenset({Verdict.PASS, Verdict.RECORDED, Verdict.FAIL, Verdict.INCONCLUSIVE})
 _CAN = "the verdict is good, and nothing in this run weakens the evidence"
 _TOLD = {
@@ -55,7 +55,7 @@ class Closing:
 
 
 def headline(results: Outcome) -> str:
-    """Return how many cases ended how, the worst first."""
+    """Return the number of cases by verdict, the worst first."""
     told = [f"{results.counts[word]} {_TOLD[word]}" for word in reversed(Verdict) if results.counts.get(word)]
     return f"{counted(len(results.cases), 'case')}: {', '.join(told)}." if told else "No case was planned."
 
@@ -71,20 +71,20 @@ def subject(results: Outcome) -> str:
 
 
 def source_word(results: Outcome) -> str:
-    """Return what must stand on every page of a run that did not talk to hardware, and nothing otherwise."""
+    """Return the mark for every page of a run that did not use hardware, empty otherwise."""
     if results.run is None:
         return "SOURCE NOT RECORDED"
     return "" if results.run.source is Source.HARDWARE else results.run.source.upper()
 
 
 def exceptions(results: Outcome) -> tuple[str, ...]:
-    """Return what counts as hardware by the word of the bench file alone, a sentence each."""
+    """Return what counts as hardware on the word of the bench file alone, a sentence each."""
     found = (each.text for each in results.conditions or () if each.name == EXCEPTION)
     return tuple(text.removeprefix("EXCEPTION: ") for text in found)
 
 
 def proofs(conditions: Sequence[Condition] | None) -> tuple[str, ...]:
-    """Return what was proven, a sentence each; nothing of packages that do not tell."""
+    """Return what was proven, a sentence each; nothing for packages that do not record it."""
     return tuple(each.text for each in conditions or () if each.proven)
 
 
@@ -114,7 +114,7 @@ def _warnings(results: Outcome) -> Iterable[tuple[bool, str, str]]:
 
 
 def holds(case: CaseOutcome) -> tuple[str, ...]:
-    """Return when the bench was held in the course of a case, for how long, by whom and why, a sentence each."""
+    """Return when the bench was held during a case, for how long, by whom and why, a sentence each."""
     return tuple(_hold(each) for each in case.holds or ())
 
 
@@ -149,7 +149,7 @@ def common_reasons(results: Outcome) -> tuple[str, ...]:
 
 
 def common_proofs(results: Outcome) -> tuple[str, ...]:
-    """Return what was proven of every one of several requirements."""
+    """Return what was proven for every one of several requirements."""
     each = [proofs(entry.conditions) for entry in results.requirements]
     return tuple(proof for proof in each[0] if all(proof in others for others in each)) if len(each) > 1 else ()
 
@@ -168,7 +168,7 @@ def closing_sentence(results: Outcome) -> str:
 
 
 def uncovered(results: Outcome) -> tuple[RequirementOutcome, ...]:
-    """Return the requirements of the run's plans that it says nothing of: no case, or none that came to a verdict."""
+    """Return the requirements of the run's plans that it does not cover: no case, or none with a verdict."""
     return tuple(entry for entry in results.requirements if not entry.cases or entry.verdict not in _SAYING)
 
 
@@ -194,7 +194,7 @@ def _closes(requirement: RequirementOutcome) -> bool:
 def in_short(word: Verdict, reasons: Sequence[str]) -> list[str]:
     """Return the reasons of a case for a terminal.
 
-    Of two reasons that begin alike the longer one is told. Checks that an error kept from being made stand in one line.
+    Of two reasons that begin alike, the longer one is kept. Checks that an error prevented share one line.
     """
     reasons = [each for each in reasons if not any(other.startswith(f"{each}; ") for other in reasons)]
     if word not in {Verdict.ERROR, Verdict.ABORTED}:

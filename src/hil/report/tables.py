@@ -1,4 +1,4 @@
-"""Tables on a terminal: columns that line up, in lines that are as long as what they say."""
+"""Tables on a terminal: aligned columns, in lines no longer than their content."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def aligned(
         rows: their cells, as many in each.
         head: the columns' names, in a line of their own; none where it is empty.
         right: the places of columns that end at their right edge, such as numbers.
-        indent: what stands before each line.
+        indent: the prefix of each line.
     """
     from rich.cells import cell_len  # noqa: PLC0415 - slow to import
 
@@ -33,7 +33,7 @@ def aligned(
 
 
 def labelled(facts: Iterable[tuple[str, str]], *, indent: str = "") -> list[str]:
-    """Return a line for each fact that is known, its label first."""
+    """Return a line for each known fact, its label first."""
     return aligned([fact for fact in facts if fact[1]], indent=indent)
 
 

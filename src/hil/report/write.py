@@ -1,4 +1,4 @@
-"""The reports of a run, written into its folder before the seal, or derived again from a sealed one.
+"""The reports of a run, written into its folder before the seal, or regenerated from a sealed one.
 
 The page is one HTML file that needs no network and no script, on a screen and on A4.
 """
@@ -27,7 +27,7 @@ __all__ = ["HTML", "JUNIT", "TEMPLATES", "copy_junit", "make_reports", "write_re
 
 HTML = "report.html"
 JUNIT = "junit.xml"
-_MOST_FAILED = 12  # checks, and cases, that are named beside the verdict; the sections below name all
+_MOST_FAILED = 12  # checks, and cases, that are listed beside the verdict; the sections below list all
 TEMPLATES = Path(__file__).parent / "page/templates"
 # Controls, and marks that reorder or hide text: they are shown by their number, never obeyed.
 _UNSEEN = re.compile(
@@ -73,7 +73,7 @@ def write_reports(package: Package) -> None:
 
 
 def copy_junit(folder: Path, place: Path | None) -> str:
-    """Write the results of a run as JUnit XML where somebody wants them, too, and return why that cannot be done.
+    """Write the results of a run as JUnit XML to a requested file as well; return why that failed, if it did.
 
     Args:
         folder: the run's folder, with its reports.

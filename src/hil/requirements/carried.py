@@ -14,7 +14,7 @@ __all__ = ["CarryingCase", "carrying_cases"]
 _MARKER = "requirement"
 _MARKS = "pytestmark"
 _DEEPEST = 4
-"""How many names, one given by the other, are followed."""
+"""How many aliased names are followed."""
 _Function = ast.FunctionDef | ast.AsyncFunctionDef
 _Literals = dict[str, ast.expr]
 

@@ -1,4 +1,4 @@
-"""The catalogue: every requirement of the asked plans, checked against the whole workspace."""
+"""The catalogue: every requirement of the selected plans, checked against the whole workspace."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ class UnknownParameterOfRequirement(HilError, KeyError):
 
 
 class Catalogue:
-    """The requirements of the asked plans, in the order of the plans and their files.
+    """The requirements of the selected plans, in the order of the plans and their files.
 
     Args:
-        files: what the asked plans hold.
+        files: what the selected plans hold.
         parents: the requirements of the workspace, by id, that those serve.
     """
 
@@ -40,22 +40,22 @@ class Catalogue:
 
     @property
     def ids(self) -> tuple[str, ...]:
-        """Every id of the asked plans, withdrawn ones too."""
+        """Every id of the selected plans, including withdrawn ones."""
         return tuple(self._requirements)
 
     @property
     def plans(self) -> tuple[str, ...]:
-        """The asked plans."""
+        """The selected plans."""
         return tuple(self._files)
 
     @property
     def above(self) -> tuple[Requirement, ...]:
-        """The requirements outside the asked plans that could be read: the workspace's, and those of other plans."""
+        """The readable requirements outside the selected plans: the workspace's, and those of other plans."""
         return tuple(self._parents.values())
 
     @property
     def digest(self) -> str:
-        """SHA-256 over the fingerprints of the asked plans."""
+        """SHA-256 over the fingerprints of the selected plans."""
         return digest({item.id: item.fingerprint for item in self._requirements.values()})
 
     def requirement(self, requirement_id: str) -> Requirement:
@@ -74,15 +74,15 @@ class Catalogue:
         return self._requirements[requirement_id]
 
     def of_plan(self, plan: str) -> tuple[Requirement, ...]:
-        """Return the requirements of one asked plan."""
+        """Return the requirements of one selected plan."""
         return self._files[plan].requirements
 
     def document(self, plan: str) -> Document:
-        """Return the document that one asked plan's requirements stand for."""
+        """Return the document that one selected plan's requirements stand for."""
         return self._files[plan].document
 
     def part_numbers(self, plan: str) -> tuple[str, ...]:
-        """Return the part numbers that one asked plan is for, none where it is for any."""
+        """Return the part numbers that one selected plan is for, none if it is for any."""
         return self._files[plan].part_numbers
 
     def limit(self, requirement_id: str, parameter: str) -> Limit:
@@ -121,7 +121,7 @@ def load_catalogue(root: Path, plans: Sequence[Path], *, locked: bool = True) ->
         locked: whether the lock files must agree; only the commands about locks go without.
 
     Raises:
-        ConfigurationError: with everything that is wrong.
+        ConfigurationError: with all errors.
     """
     findings = Findings()
     root = root.resolve()
@@ -142,7 +142,7 @@ def _read(plan: Path, root: Path, findings: Findings) -> RequirementFile | None:
 
 
 def _read_around(asked: Sequence[Path], root: Path, findings: Findings) -> tuple[RequirementFile, ...]:
-    """Return the requirements of the workspace and of the plans beside the asked ones."""
+    """Return the requirements of the workspace and of the plans that are not selected."""
     around = []
     for testplans in dict.fromkeys(plan.parent for plan in asked):
         above = testplans / REQUIREMENTS
@@ -157,14 +157,14 @@ def _read_other(plan: Path, root: Path, findings: Findings) -> RequirementFile |
     of_other = Findings()
     file = _read(plan, root, of_other)
     if file is None:
-        # Where a file cannot be read at all, nobody knows whether its ids are unique.
+        # If a file cannot be read at all, uniqueness of its ids is unknown.
         for finding in of_other:
             findings.repeat(finding)
     return file
 
 
 def _check_workspace(asked: Sequence[RequirementFile], others: Sequence[RequirementFile], findings: Findings) -> None:
-    """Note duplicate ids, dangling parents and cycles that touch the asked files."""
+    """Note duplicate ids, dangling parents and cycles that touch the selected files."""
     mine = [item for file in asked for item in file.requirements if item.id]
     foreign = [item for file in others for item in file.requirements if item.id]
     _check_unique(mine, foreign, findings)

@@ -42,7 +42,7 @@ class Judgement:
         margin: distance from the value to the nearest acceptance limit, positive inside; None if
             there is none.
         tur: test uncertainty ratio (maximum - minimum) / (2 U95) of a limit with two sides, else None; None as well
-            where the value is not a finite number: nothing is known of how well that was measured.
+            where the value is not a finite number: how well that was measured is unknown.
         reason: why the verdict is what it is; empty for a plain pass.
     """
 
@@ -171,7 +171,7 @@ def _verdict(known: _Known, limit: Limit, status: FigureStatus) -> tuple[Verdict
 
 
 def _obstacle(known: _Known, limit: Limit, status: FigureStatus) -> str:
-    """Return why this value can show nothing, an empty string if it can."""
+    """Return why this value proves nothing, an empty string if it can."""
     value = known.value
     if not math.isfinite(value):
         return f"the value is {value}, not a finite number"
@@ -216,7 +216,7 @@ def _between(low: float, high: float, guard: float, unit: str) -> str:
 
 
 def _beyond(value: float, limit: Limit, low: float) -> str:
-    found = _with(f"{value + 0.0:.6g}", limit.unit)  # nobody says minus zero
+    found = _with(f"{value + 0.0:.6g}", limit.unit)  # no minus zero
     if value < low:
         return f"{found} is below the minimum of {_with(str(limit.minimum), limit.unit)}"
     return f"{found} is above the maximum of {_with(str(limit.maximum), limit.unit)}"

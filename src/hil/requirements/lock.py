@@ -92,7 +92,7 @@ def read_lock(plan: Path, shown: str, findings: Findings) -> dict[str, Locked] |
     except Invalid as error:
         wrong: list[Keys] = [error.problems[0].path]
     else:
-        # A meaning has the fingerprint beside it: nobody can have written anything else.
+        # A meaning is checked by the fingerprint beside it.
         written = ((id_, each) for id_, each in locked.items() if each.meaning)
         lost = (id_ for id_, each in written if digest(each.meaning, finite=True) != each.fingerprint)
         wrong = [("requirements", id_, "fingerprint") for id_ in lost]
@@ -117,7 +117,7 @@ def locked_revs(data: bytes) -> dict[str, tuple[object, object]]:
 
 
 def _place(text: str, named: str, keys: Keys) -> Place:
-    """Return where the value at some keys begins, as far as a search for one key after the other finds it."""
+    """Return where the value at some keys begins, found by searching for one key after the other."""
     at = 0
     for key in keys:
         if found := re.compile(rf"{re.escape(json.dumps(key, ensure_ascii=False))}\s*:\s*").search(text, at):
@@ -135,7 +135,7 @@ def check_lock(
         shown: the plan's path as shown to a person.
         requirements: what the plan's file says now.
         findings: where it is noted.
-        writing: whether the lock is about to be written, so that what is new may be.
+        writing: whether the lock is about to be written, so that new entries are allowed.
     """
     before = len(findings)
     locked = read_lock(plan, shown, findings)
@@ -226,7 +226,7 @@ def _what_changed(item: Requirement, was: Locked) -> str:
 
 
 def _changed_fields(item: Requirement, was: Locked) -> tuple[str, ...]:
-    """Return which fields changed, from what to what."""
+    """Return the changed fields, with old and new value."""
     if not was.meaning:
         return (f"which fields is not known: the lock was written without them, {_RELOCK}",)
     found = [*_fields(was.meaning, item.meaning), *_fields(was.explanation, item.explanation)]
@@ -243,7 +243,7 @@ def _fields(before: Mapping[str, object], now: Mapping[str, object]) -> Iterator
 
 
 def _flat(value: object, name: str = "") -> Iterator[tuple[str, str]]:
-    """Give every field below a value by its dotted name, as JSON writes it; limits go by their parameter."""
+    """Yield every field below a value by its dotted name, as JSON writes it; limits are named by their parameter."""
     if isinstance(value, Mapping):
         for key, inner in value.items():
             yield from _flat(inner, f"{name}.{key}" if name else str(key))

@@ -1,4 +1,4 @@
-"""The parameters of a plan: numbers and words that cases use and that are no limits."""
+"""The parameters of a plan: numbers and words that cases use and that are not limits."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Allowed:
         maximum: the highest; it is allowed itself.
         whole: whether it must be a whole number.
         rising: whether each number of a list is above the one before.
-        count: how many a list holds; any number of them where None.
+        count: how many a list holds; None for any number.
     """
 
     minimum: Number | None = field(default=None, metadata={"alias": "min"})
@@ -77,7 +77,7 @@ _SCHEMA = "hil/parameters/1"
 _Single = float | str
 
 _TAKEN = ("s", "V", "A", "deg", "deg/s", "degC", "K", "Hz", "ohm", "uT", "W", "W.h", "A.h", "m", "kg", "1")
-"""Units that roles, `record` and formulas take: what somebody wants a parameter in that has another one."""
+"""Units that roles, `record` and formulas take: a parameter in another unit is wanted in one of these."""
 
 
 class UnknownParameter(HilError, AttributeError):
@@ -85,9 +85,9 @@ class UnknownParameter(HilError, AttributeError):
 
 
 class Ambiguous(HilError):
-    """A parameter whose number means something else in the unit that a reader would expect.
+    """A parameter whose number differs in the unit that a reader would expect.
 
-    Not an AttributeError: nobody who checks for a parameter may get the answer that there is none.
+    Not an AttributeError: a check for the parameter's existence must not fail.
     """
 
 
@@ -110,7 +110,7 @@ class Parameter:
 
     @property
     def problem(self) -> str:
-        """What the plan has against the value, empty if it is allowed."""
+        """Why the plan does not allow the value, empty if it does."""
         told = f"parameter '{self.name}' is {self.shown}, allowed is {self.allowed.shown(self.unit)}"
         return "" if self.allowed.holds(self.numbers) else told
 
@@ -130,7 +130,7 @@ class Parameter:
 
 
 class Parameters:
-    """The parameters of one plan, each an attribute of its name; nobody can change them.
+    """The parameters of one plan, each an attribute of its name; they are read-only.
 
     A parameter with a unit is a float in that unit, one without is a text; lists are tuples of either. A unit that an
     SI unit is only a factor away from (cm, h, %) has to be named where the parameter is used: see `in_unit`.
@@ -187,16 +187,14 @@ class Parameters:
 
         Raises:
             UnknownParameter: if the plan does not have one of them.
-            HilError: if one is no single number, or their units do not convert.
+            HilError: if one is not a single number, or their units do not convert.
         """
         parameter = self._parameter(name)
         value, known = self.in_unit(name, parameter.unit), None
         if uncertainty:
             known = self.in_unit(uncertainty, parameter.unit)
         if isinstance(value, tuple) or isinstance(known, tuple):
-            raise HilError(
-                f"parameter '{name}' as a figure: a list is not a single number", "make it a parameter of one"
-            )
+            raise HilError(f"parameter '{name}' as a figure: a list is not one number", "make it a parameter of one")
         figure = Figure(value=value, unit=parameter.unit, uncertainty=known)
         return figure.with_provenance(
             Provenance(sources=tuple(f"parameter {each}" for each in (name, uncertainty) if each))
@@ -252,7 +250,7 @@ class Parameters:
         return tuple(self._parameters.values())
 
     def facts(self) -> list[dict[str, str]]:
-        """Return what a package keeps of every parameter, in the order of the file."""
+        """Return what a package stores of every parameter, in the order of the file."""
         return [
             {
                 "name": row.name,
@@ -277,7 +275,7 @@ def load_parameters(root: File, plan: File) -> Parameters:
     """Return the parameters of a plan; none where it has no `parameters.yaml`.
 
     Raises:
-        ConfigurationError: with everything that is wrong with the file.
+        ConfigurationError: with all errors in the file.
     """
     file = plan / PARAMETERS
     if not is_there(file):
@@ -314,7 +312,7 @@ class _File:
 
 
 def _parameter(document: Document[_File], at: Path, entry: _Entry, findings: Findings) -> Parameter:
-    """Return a parameter, and note what is wrong between the keys of its entry."""
+    """Return a parameter, and note contradictions between the keys of its entry."""
     before = len(findings)
     for key, message in _problems(document, at, entry):
         findings.add(document.place((*at, key) if key else at), message)
@@ -330,7 +328,7 @@ def _parameter(document: Document[_File], at: Path, entry: _Entry, findings: Fin
 
 
 def _problems(document: Document[_File], at: Path, entry: _Entry) -> Iterator[tuple[str, str]]:
-    """Give what is wrong between the keys of an entry: the key at which that is, and a sentence."""
+    """Yield contradictions between the keys of an entry: the key, and a sentence."""
     given = [key for key in ("min", "max", "whole", "rising", "count") if document.has((*at, key))]
     if hasattr(Parameters, entry.name) or keyword.iskeyword(entry.name):
         yield "name", f"'{entry.name}' cannot be the name of a parameter, choose another"

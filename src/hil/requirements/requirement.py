@@ -52,7 +52,7 @@ _STAGE = one_of("qualification", "acceptance", "pre-launch", "in-orbit", "post-l
 
 
 class Kind(StrEnum):
-    """What a requirement asks for."""
+    """What a requirement demands."""
 
     LIMIT = "limit"
     RECORD = "record"
@@ -112,13 +112,13 @@ class Limit:
 
     @property
     def bounded(self) -> bool:
-        """Whether there is anything to be outside of; otherwise a value is only recorded."""
+        """Whether it has a bound; otherwise a value is only recorded."""
         return self.minimum is not None or self.maximum is not None or self.equals is not None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Records:
-    """The recording that a requirement asks for.
+    """The recording that a requirement demands.
 
     Attributes:
         recording: its name in the case.
@@ -146,9 +146,9 @@ class Requirement:
         parents: ids of the requirements that this one serves.
         over: case parameters to the values that planned cases must cover between them.
         max_age_s: how old its evidence may get, or None.
-        witness: who has to be present when it is verified, by role or name; empty if nobody has to.
-        independent: whether somebody else than who did it has to confirm its verification.
-        withdrawn: no longer asked for; its id is never used again.
+        witness: who has to be present when it is verified, by role or name; empty if no one has to.
+        independent: whether someone other than its author has to confirm its verification.
+        withdrawn: no longer in force; its id is never reused.
         anomaly: what is wrong with the text at its source.
         place: where it is written.
     """

@@ -70,7 +70,7 @@ def read_requirements(file: File, shown: str, plan: str, findings: Findings) -> 
         file: where it is.
         shown: its path as shown to a person.
         plan: the plan it belongs to; empty for the requirements of the workspace.
-        findings: where everything that is wrong is noted.
+        findings: where all errors are noted.
     """
     data = read_bytes(file, shown, findings)
     return None if data is None else parse_requirements(data, shown, plan, findings)

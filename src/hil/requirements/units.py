@@ -127,7 +127,7 @@ def _is_coherent(factor: float, powers: Mapping[str, float]) -> bool:
 
 @lru_cache(maxsize=1024)
 def same(one: str, other: str, differences: bool = False) -> bool:  # noqa: FBT002 - an answer is kept for each
-    """Return whether numbers in one unit mean the same in the other; a text that is no unit is not told from any.
+    """Return whether numbers in one unit mean the same in the other; a text that is not a unit counts as the same.
 
     Args:
         one: such as `degC`.
@@ -147,7 +147,7 @@ def same(one: str, other: str, differences: bool = False) -> bool:  # noqa: FBT0
 
 @lru_cache(maxsize=1024)
 def scale(from_unit: str, to_unit: str) -> float:
-    """Return the factor for differences and uncertainties; offsets of temperatures play no part.
+    """Return the factor for differences and uncertainties; temperature offsets are ignored.
 
     Raises:
         UnitError: if one of them is not a unit, or they do not convert.
@@ -195,14 +195,14 @@ def _unit(text: str) -> pint.Unit:
     try:
         for word in _WORD.finditer(notation):
             if word["name"]:
-                _registry().parse_units(word["name"])  # what cancels out must exist, too
+                _registry().parse_units(word["name"])  # units that cancel out must exist, too
         return _registry().parse_units("dimensionless" if notation.strip() == "1" else notation)
     except Exception as error:  # the parser raises whatever its tokenizer and its arithmetic raise
         raise UnitError(f"'{text}' is not a known unit", "write it as in deg/s/sqrt(Hz), W.h, uT, 1 or %") from error
 
 
 def _is_spoken(notation: str) -> bool:
-    """Return whether a text has the words of a unit: no power of a power, no number but 1, few brackets."""
+    """Return whether a text is made like a unit: no power of a power, no number but 1, few brackets."""
     at, before, depth = 0, "", 0
     while at < len(notation):
         word = _WORD.match(notation, at)

@@ -1,1 +1,1 @@
-"""Selection: which of several sensors is the best in what, computed from sealed packages."""
+"""Selection: which of several sensors is best by which criterion, computed from sealed packages."""

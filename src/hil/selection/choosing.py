@@ -1,4 +1,4 @@
-"""Computes a selection from criteria and figures: who is the best, how surely, and what did not count."""
+"""Computes a selection from criteria and figures: which candidate is best, how surely, and what did not count."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from hil.selection.figures import CALCULATED, Input, Taken
 
 __all__ = ["choose"]
 
-_DIGITS = 12  # of a number: what is beyond them depends on the machine
+_DIGITS = 12  # of a number: further digits depend on the machine
 _MOST = 5  # runs that a sentence names
 _WHOLE = "the whole package"
 _OTHER = {"worst": "mean", "mean": "worst"}
@@ -45,7 +45,7 @@ def choose(
     left_out: Sequence[str] = (),
     missing: Sequence[str] = (),
 ) -> Document:
-    """Return the selection; the order of the packages plays no part.
+    """Return the selection, which does not depend on the order of the packages.
 
     Args:
         criteria: what is compared.
@@ -85,7 +85,7 @@ _SHOWN = ("run", "digest", "source", "purpose", "bench", "serial", "began", "dev
 
 
 def _once(inputs: Iterable[Input]) -> list[Input]:
-    """Return each package once, by the names of their runs; one that does not verify speaks for itself alone."""
+    """Return each package once, by the names of their runs; one that fails verification stands alone."""
     known = {(each.run, each.digest, each.problem): each for each in inputs}
     digests: dict[str, str] = {}
     for run, digest, problem in sorted(known):
@@ -135,7 +135,7 @@ class _Selection:
         )
 
     def _axes(self, asked: Asked, candidate: Candidate) -> tuple[tuple[Used, ...], list[str], bool]:
-        """Return the axes of a candidate, or why they are not enough; and whether aliasing is known of all of them."""
+        """Return the axes of a candidate, or why they are not enough; and whether aliasing is known for all of them."""
         used, wrong, told = [], defaultdict(list), True
         for member in candidate.members(asked.role, asked.criterion.axes):
             good, reasons = [], []
@@ -161,7 +161,7 @@ class _Selection:
         return tuple(used), [f"{', '.join(every or its)}: {why}".removeprefix(": ") for why, its in wrong.items()], told
 
     def _absent(self, asked: Asked, member: str) -> str:
-        """Return why nobody has a figure of an axis: a plan does not ask for it, or a run did not get that far."""
+        """Return why an axis has no figure: no plan demands it, or a run did not get that far."""
         wanted = (asked.criterion.parameter, member)
         owed = [each.run for each in self._packages if wanted in each.asked]
         if owed:
@@ -178,7 +178,7 @@ class _Selection:
             for each in package.figures:
                 wanted = each.parameter == criterion.parameter and each.of == member
                 if wanted and criterion.plan in {"", each.plan}:
-                    again = CALCULATED in each.unproven  # equal calculations tell no more than one
+                    again = CALCULATED in each.unproven  # equal calculations add no information
                     key = (
                         "" if again else package.digest,
                         each.case,
@@ -191,7 +191,7 @@ class _Selection:
         return list(found.values())
 
     def _against(self, asked: Asked, found: _Found) -> str:
-        """Return what speaks against a figure beside others; empty if nothing does."""
+        """Return what speaks against a figure in comparison with others; empty if nothing does."""
         figure = found.figure
         if not compatible(figure.unit, asked.unit):
             return f"it is in {figure.unit}, which does not convert to {asked.unit}"
@@ -226,7 +226,7 @@ class _Selection:
                     _coverage(each.figure.dof, self._criteria.confidence) * (each.figure.uncertainty or 0.0)
                 ),
                 of=_score(axes[each.name], unit, combine)[1],
-                ties=tuple(map(str, each.ties)),  # plain words: what the analysis returns knows where it is from
+                ties=tuple(map(str, each.ties)),  # plain words: results of the analysis carry their provenance
                 probability=round(probability, 4),
                 axes=axes[each.name],
             )

@@ -1,4 +1,4 @@
-"""How sure it is that one of several is the smallest: by quadrature over what is known of their figures."""
+"""The probability that one of several is the smallest, by quadrature over their distributions."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ _Array: TypeAlias = NDArray[np.float64]
 
 _SCORES = np.linspace(-6.5, 6.5, 261)
 """Where a distribution is sampled, in standard normal scores: 1e-10 of it lies outside."""
-_EXACT = 1e-9  # of a value: a figure without uncertainty counts as known so well
-_LARGEST_DOF = 1e6  # beyond it Student's distribution is the normal one
+_EXACT = 1e-9  # of a value: the uncertainty assumed for a figure without one
+_LARGEST_DOF = 1e6  # degrees of freedom beyond which Student's distribution is taken as normal
 
 
 class Known(NamedTuple):
@@ -55,7 +55,7 @@ def best(scores: Sequence[Sequence[Known]]) -> list[float]:
 
 
 def _spread(known: Known) -> Known:
-    """Return a number with an uncertainty above zero: what is exact is nearly so."""
+    """Return a number with an uncertainty above zero, tiny for an exact number."""
     least = max(abs(known.value) * _EXACT, 1e-300)
     return Known(known.value, max(known.uncertainty, least), min(known.dof, _LARGEST_DOF))
 

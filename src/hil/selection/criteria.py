@@ -48,7 +48,7 @@ class Candidate:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Criterion:
-    """One question to all candidates: whose figures are the smallest, whatever their sign.
+    """One criterion for all candidates: whose figures have the smallest magnitude.
 
     Attributes:
         name: what a table calls it, such as `Lowest noise`.
@@ -134,7 +134,7 @@ def load_criteria(file: File, shown: str) -> Criteria:
         shown: its path as shown to a person.
 
     Raises:
-        ConfigurationError: with everything that is wrong in it.
+        ConfigurationError: with all errors in it.
     """
     findings = Findings()
     document = read_document(file, shown, findings, Criteria, schema=_SCHEMA)
@@ -191,7 +191,7 @@ def _of_candidates(its: Criteria) -> _Wrong:
 
 
 def _twice(its: Criteria) -> _Wrong:
-    """Give what a candidate names twice: a mean of its axes would take one figure for two."""
+    """Yield what a candidate names twice: a mean of its axes would count one figure twice."""
     for each in its.candidates:
         for key in ("roles", "instances", "duts"):
             if len(set(named := getattr(each, key))) < len(named):

@@ -36,7 +36,7 @@ class Standing(msgspec.Struct, frozen=True, kw_only=True):
         uncertainty: its standard uncertainty.
         expanded: its expanded uncertainty at the confidence of the selection.
         of: the worst axis, where that counts; empty for a mean.
-        ties: the candidates that cannot be told from it.
+        ties: the candidates that cannot be told apart from it.
         probability: that it is the best of those that were judged.
         axes: what it was computed from.
     """
@@ -74,7 +74,7 @@ class Cell(msgspec.Struct, frozen=True, kw_only=True):
             judged.
         standings: those that were judged, the best first.
         unjudged: the others.
-        notes: what a reader has to know of it, a sentence each.
+        notes: remarks for the reader, a sentence each.
     """
 
     role: str

@@ -1,4 +1,4 @@
-"""The figures that packages give for a selection: each with what speaks against it."""
+"""The figures of packages for a selection, each with any objection to it."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _STATUS: Mapping[str, str] = {
 }
 _RECORDING, _ANSWER, _PARAMETER = "recording ", "answer to ", "parameter "
 CALCULATED = "calculated"
-"""What is said of a figure that comes from parameters of its plan, and from nothing that was read or answered."""
+"""The mark of a figure that comes from parameters of its plan alone, without a reading or an answer."""
 
 
 class Taken(msgspec.Struct, frozen=True, kw_only=True, order=True):
@@ -47,8 +47,8 @@ class Taken(msgspec.Struct, frozen=True, kw_only=True, order=True):
         dof: degrees of freedom, None if infinite.
         unproven: why it proves nothing, sentences of its check or `CALCULATED`; empty if it comes from a reading.
         problem: why it does not count, a sentence without its full stop; empty if nothing speaks against it.
-        rate: samples per second of its recordings, the least of them; None if the package does not tell.
-        bandwidth: noise bandwidth of the sensor's filter in Hz; None if the package does not tell.
+        rate: samples per second of its recordings, the least of them; None if not recorded.
+        bandwidth: noise bandwidth of the sensor's filter in Hz; None if not recorded.
         rev: revision of the requirement.
         fingerprint: SHA-256 of the requirement's meaning.
     """
@@ -105,7 +105,7 @@ class Input(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def read_input(folder: Path, wanted: Collection[tuple[str, str]]) -> Input:
-    """Return what a package gives for a selection; it is verified first, and whatever is wrong with it is told.
+    """Return the figures of a package for a selection, after verifying it, with whatever is wrong with it.
 
     Args:
         folder: the package.
@@ -124,7 +124,7 @@ def read_input(folder: Path, wanted: Collection[tuple[str, str]]) -> Input:
 
 
 def gives(folder: Path, wanted: Collection[tuple[str, str]]) -> bool:
-    """Return whether a package claims a wanted figure, or is sealed and cannot be asked; nothing is verified."""
+    """Return whether a package claims a wanted figure, or is sealed but unreadable; nothing is verified."""
     try:
         said = msgspec.json.decode(read_plain(folder / RESULTS), type=_Said)
     except (OSError, msgspec.MsgspecError):
@@ -232,7 +232,7 @@ def _told_of(reasons: Iterable[str]) -> str:
 
 
 class _Conditions:
-    """At which rate and through which filter figures of a package were recorded, as its journal tells."""
+    """The rate and the filter with which figures of a package were recorded, from its journal."""
 
     def __init__(self, package: Package) -> None:
         self._rates: dict[tuple[str, str, str], list[float]] = {}
@@ -246,7 +246,7 @@ class _Conditions:
         }
 
     def of(self, case: str, check: Check) -> dict[str, object]:
-        """Return rate and bandwidth of a check, each where it is told."""
+        """Return rate and bandwidth of a check, each if it is recorded."""
         named = [told.removeprefix(_RECORDING) for told in check.provenance or () if told.startswith(_RECORDING)]
         behind = {(case, name.partition(", ")[0], its) for name in named for its in check.instruments}
         rates = [rate for key in behind for rate in self._rates.get(key, ())]

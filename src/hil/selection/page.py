@@ -14,7 +14,7 @@ from hil.selection.document import Cell, Document, Excluded, Share, Standing
 __all__ = ["as_html"]
 
 _MISSING = '<span class="missing">not recorded</span>'
-_WIDTH, _HEIGHT, _EDGE = 160.0, 14.0, 4.0  # of the drawing of a value, in its own units
+_WIDTH, _HEIGHT, _EDGE = 160.0, 14.0, 4.0  # size of the drawing of a value, in its own units
 _FEW = 2  # candidates that are named side by side
 _COMBINED = {"worst": "the worst axis counts", "mean": "the mean of the magnitudes of the axes counts"}
 
@@ -61,7 +61,7 @@ def _first_word(text: str) -> str:
 
 
 def _trade(document: Document) -> Iterator[str]:
-    """Yield the trade table: a row for each role, a column for each criterion, who is best in it and how surely."""
+    """Yield the trade table: a row for each role, a column for each criterion, with the best candidate."""
     names = list(dict.fromkeys(cell.criterion for cell in document.cells))
     heads = "".join(f'<th scope="col">{escaped(name)}</th>' for name in names)
     yield f'<table class="trade"><thead><tr><th></th>{heads}<th scope="col">Overall</th></tr></thead><tbody>\n'
@@ -124,7 +124,7 @@ def _percent(part: float) -> str:
 
 
 def _places(cell: Cell, confidence: float) -> Iterator[str]:
-    """Yield all places of a cell, and who has none."""
+    """Yield all places of a cell, and the candidates without one."""
     name = f"{cell.role.replace('_', ' ').capitalize()}: {cell.criterion[:1].lower()}{cell.criterion[1:]}"
     weight = f", weight {cell.weight:g}" if cell.weight != 1.0 else ""
     unit = f" in {cell.unit}" if cell.unit != "1" else ""
@@ -158,7 +158,7 @@ def _places(cell: Cell, confidence: float) -> Iterator[str]:
 
 
 def _drawn(standing: Standing, reach: float) -> str:
-    """Return the drawing of a value with its interval, from zero on."""
+    """Return the drawing of a value with its interval, on an axis from zero."""
     scale = (_WIDTH - 2.0 * _EDGE) / reach
     low, at, high = (
         _EDGE + scale * min(max(value, 0.0), reach)

@@ -187,8 +187,8 @@ def test_errors_name_file_line_and_column(tmp_path, job, data, message):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ((), "not said what the table was computed from"),
-        (("--from", "a=FILE"), "not said how"),
+        ((), "tables that it was computed from are missing"),
+        (("--from", "a=FILE"), "the formula is missing"),
         (("--from", "aFILE", "--formula", "a"), "has no '='"),
         (("--from", "a=FILE", "--from", "a=FILE", "--formula", "a"), "names 'a' twice"),
     ],

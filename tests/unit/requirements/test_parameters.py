@@ -225,7 +225,7 @@ def test_a_parameter_as_a_figure_is_named_and_measures_nothing(load):
     assert (figure * 2).provenance.sources == ("parameter shunt", "parameter shunt_u")
     assert (figure.provenance.measured, figure.provenance.unproven) == (False, ())
     assert parameters.figure("shunt").uncertainty is None
-    with pytest.raises(HilError, match="a list is not a single number"):
+    with pytest.raises(HilError, match="a list is not one number"):
         parameters.figure("temperatures")
     with pytest.raises(HilError, match="did you mean 'shunt'"):
         parameters.figure("shunk")

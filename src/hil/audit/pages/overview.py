@@ -1,4 +1,4 @@
-"""The beginning of an audit's page: how much is closed, what nobody may overlook, and why the rest is open."""
+"""The beginning of an audit's page: how much is closed, what must not be overlooked, and why the rest is open."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from hil.audit.reasons import Code
 __all__ = ["TONES", "overview"]
 
 TONES = {Compliance.YES: "good", Compliance.PARTIAL: "open", Compliance.NO: "bad"}
-"""How a compliance is coloured."""
+"""The colour of each compliance."""
 
 
 def overview(document: Document) -> Iterator[str]:
@@ -60,7 +60,7 @@ _OTHERS = "Parts of other packages"
 
 
 def _notices(document: Document) -> Iterator[str]:
-    """Yield what nobody may overlook: exceptions, code of others, and what is damaged."""
+    """Yield what must not be overlooked: exceptions, code from other packages, and damage."""
     exempted = [f"{each.package}: {each.instrument}: {each.reason}" for each in document.exceptions]
     closed = document.summary.by_exception
     by = f"{closed:,} requirement{'' if closed == 1 else 's'} closed by such a run"

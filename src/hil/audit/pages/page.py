@@ -19,7 +19,7 @@ from hil.audit.reasons import Code, Reason
 
 __all__ = ["as_html"]
 
-_ROWS = 100  # of one table: a browser lays out only those that are looked at
+_ROWS = 100  # of one table: a browser lays out only visible ones
 _REPORT = "data/report/report.html"
 
 _GAPS = {

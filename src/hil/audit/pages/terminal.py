@@ -1,4 +1,4 @@
-"""An audit's document in a few lines of a terminal: how much is closed, and what stands in the way, the worst first."""
+"""An audit's document in a few terminal lines: how much is closed, and what keeps the rest open, the worst first."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ GROUPS: Mapping[str, tuple[Code, ...]] = {
     ),
     "Waits for requirements below it": (Code.CHILD_OPEN, Code.NO_CHILDREN),
 }
-"""The codes by what has to be done about them, the worst first."""
+"""The codes by the action they need, the worst first."""
 
 _GAPS = {
     GapKind.WITHOUT_CASE: "requirement without a case",

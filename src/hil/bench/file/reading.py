@@ -41,7 +41,7 @@ def load_bench(benches: Path, name: str, root: Path, *, driven: bool = True, twi
 
     Raises:
         Refused: if there is no such bench.
-        ConfigurationError: with everything that is wrong with the file.
+        ConfigurationError: with all errors in the file.
     """
     known = bench_names(benches)
     if name not in known:

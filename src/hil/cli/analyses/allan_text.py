@@ -26,7 +26,7 @@ NAMES = {
     "hadamard": "overlapping Hadamard",
     "total": "total",
 }
-"""What the deviation of an estimator is called."""
+"""Names of the estimators' deviations."""
 
 _NOISE = {
     2: "white angle",
@@ -37,7 +37,7 @@ _NOISE = {
     -3: "flicker walk",
     -4: "random run",
 }
-_WIDTH = 80  # columns that sentences take; tables are as wide as they are
+_WIDTH = 80  # width of sentences; tables are as wide as they need to be
 _LEAST_JITTER = 1e-9  # s; below it are the rounding errors of the timestamps
 _SHORT = ((1e6, "us"), (1e3, "ms"), (1.0, "s"))
 _HEAD = ("tau [s]", "deviation", "low", "high", "edf", "noise")
@@ -59,7 +59,7 @@ class Axis:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Result:
-    """Everything one call found out."""
+    """All results of one call."""
 
     log: Log
     axes: tuple[Axis, ...]
@@ -159,7 +159,7 @@ def _short(seconds: float) -> str:
 
 
 def called(name: str) -> str:
-    """Return what a column is called: its name, or `column 2` where it has only a number."""
+    """Return the name of a column, or `column 2` if it has only a number."""
     return f"column {name}" if name.isdecimal() else name
 
 

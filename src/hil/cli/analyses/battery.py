@@ -191,8 +191,8 @@ def _refuse_impossible(
         positive: by name of the option, values that have to be above zero; None where one was not given.
         limits: of the test.
         skip: cycles that the fade leaves out.
-        counted: cycles that somebody counted.
-        remaining: part that is left at the end of life.
+        counted: cycles counted by hand.
+        remaining: fraction left at end of life.
 
     Raises:
         Refused: the first that is not possible.
@@ -230,7 +230,7 @@ def _span_of(text: str) -> tuple[float, float]:
 
 
 def _understood(file: Path | None, told: dict[str, Any]) -> Mapping:
-    """Return a mapping, or an empty one, with what options say in its place."""
+    """Return a mapping, or an empty one, overridden by options."""
     from hil.logs import mapping as logs  # noqa: PLC0415 - start-up stays light
 
     columns = {name: told[name] for name in ("time", "voltage", "current", "temperature", "cycle")}

@@ -41,7 +41,7 @@ class Result:
         data: what was analysed.
         summary: what it shows.
         capacity: nominal, in Ah, None where it is not known.
-        how: how steps were told apart.
+        how: how steps were segmented.
         accuracy: bounds of the errors of the meters.
     """
 
@@ -54,7 +54,7 @@ class Result:
     accuracy: Accuracy
 
     def certainty(self) -> Certainty:
-        """Return what is known of the meters: of a bound without more the standard uncertainty is a root of three."""
+        """Return the accuracy of the meters; a bound over the root of three is a standard uncertainty."""
         bounds = {name: (value or 0.0) / math.sqrt(3.0) for name, value in asdict(self.accuracy).items()}
         return Certainty(
             interval=0.0,
@@ -185,7 +185,7 @@ def _count(number: int) -> str:
 
 
 def _cycles(result: Result) -> Iterator[str]:
-    """Give a line for each half of a cycle, and below them what else is known of it."""
+    """Give a line for each half of a cycle, and more about the cycle below them."""
     made, compared = result.summary.cycles, {each.number for each in result.summary.compared}
     halves = [
         (cycle.number, name, half)
@@ -302,7 +302,7 @@ def _sums_as_json(log: BatteryLog, data: Series, how: Segmentation) -> dict[str,
     Args:
         log: what was read.
         data: what was analysed.
-        how: how steps are told apart.
+        how: how steps are segmented.
     """
     made = _sums(log, data, how)
     return {
@@ -321,7 +321,7 @@ def _sums_as_lines(log: BatteryLog, data: Series, how: Segmentation) -> Iterator
     Args:
         log: what was read.
         data: what was analysed.
-        how: how steps are told apart.
+        how: how steps are segmented.
     """
     made = [each for each in _sums(log, data, how) if each[3] is not None]
     yield from aligned([_sum_row(*each) for each in made], head=_SUMS if made else (), right=range(1, len(_SUMS)))

@@ -105,7 +105,7 @@ def drift(
 
 
 def _asked(log: Log, warmth: Log) -> tuple[Log, dict[str, tuple[Gate, ...]]]:
-    """Return the log with the gates on its temperature, and by axis the gates that speak against it."""
+    """Return the log with the gates on its temperature, and by axis the gates that trip for it."""
     ((title, temperatures),) = warmth.channels.items()
     warm = in_celsius(title, temperatures, series=True)
     told = [remark for remark in (*log.remarks, *warmth.remarks) if "white noise" not in remark]
@@ -117,7 +117,7 @@ def _asked(log: Log, warmth: Log) -> tuple[Log, dict[str, tuple[Gate, ...]]]:
 def _fragments(
     log: Log, warmth: Log, reference: float, least_range: float, longest_gap: float | None
 ) -> tuple[Fragment, ...]:
-    """Return the parts of the log that hang together, with the drift of every axis."""
+    """Return the contiguous fragments of the log, with the drift of every axis."""
     import numpy as np  # noqa: PLC0415 - start-up stays light
 
     from hil.analysis import drift_of, fragments  # noqa: PLC0415 - start-up stays light

@@ -26,7 +26,7 @@ _FIGURES = {"slope": "drift", "offset": "offset", "hysteresis": "hysteresis", "p
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fragment:
-    """A part of a log that hangs together: times in s, temperatures in degC, and the drift of every axis."""
+    """A contiguous part of a log: times in s, temperatures in degC, and the drift of every axis."""
 
     time: NDArray[np.float64]
     temperature: NDArray[np.float64]
@@ -35,11 +35,11 @@ class Fragment:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Result:
-    """Everything one call found out.
+    """All results of one call.
 
     Attributes:
         log: what was analysed.
-        doubts: by axis, the gates that speak against it.
+        doubts: by axis, the gates that trip for it.
         reference: temperature of the offsets in degC.
         fragments: in order of time.
     """
@@ -51,7 +51,7 @@ class Result:
 
     @property
     def doubted(self) -> bool:
-        """Whether a gate speaks against any axis."""
+        """Whether a gate trips for any axis."""
         return any(self.doubts.values())
 
 
@@ -97,7 +97,7 @@ def _figure(figure: Figure, doubts: tuple[Gate, ...]) -> dict[str, object]:
 
 
 def as_table(result: Result) -> str:
-    """Return a CSV table: a row for every axis of every fragment; what it does not tell is empty, with the reason."""
+    """Return a CSV table: a row for every axis of every fragment; a missing figure is empty, with the reason."""
     text = io.StringIO()
     rows = csv.writer(text, lineterminator="\n")
     names = [word for name in _FIGURES for word in (name, f"{name} uncertainty", f"{name} unit")]

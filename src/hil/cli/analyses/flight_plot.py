@@ -20,15 +20,15 @@ _POINTS = 20_000  # of a line: more than a page can show
 
 
 def draw(path: Path, rates: Log, field: Log | None, found: Flight) -> None:
-    """Draw rates and field over time, over the shades of the phases; phases that a gate speaks against are hatched.
+    """Draw rates and field over time, over the shades of the phases; phases for which a gate trips are hatched.
 
     Args:
-        path: what to write; its ending, .svg or .png, says the format.
+        path: what to write; its suffix, .svg or .png, sets the format.
         rates, field: the samples, on an even grid.
         found: the phases.
 
     Raises:
-        Refused: another ending, or a file that cannot be written.
+        Refused: another suffix, or a file that cannot be written.
     """
     save(path, lambda: _drawn([("rate", rates), *([] if field is None else [("field", field)])], found))
 

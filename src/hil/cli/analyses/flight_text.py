@@ -22,7 +22,7 @@ _REST = ("phase", "", "bias", "white noise")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Result:
-    """Everything one call found out; the log of the rates is first, that of the magnetometer second."""
+    """All results of one call; the log of the rates is first, that of the magnetometer second."""
 
     logs: tuple[Log, ...]
     flight: Flight
@@ -30,7 +30,7 @@ class Result:
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """What speaks against the log or one of its phases, in sentences."""
+        """The gates that trip for the log or one of its phases, in sentences."""
         whole = [str(gate) for log in self.logs for name in ("", *log.channels) for gate in log.doubts(name)]
         each = [
             f"phase {number}, {gate}"
@@ -42,7 +42,7 @@ class Result:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What has to be known of the logs and of all phases, in sentences."""
+        """Remarks on the logs and on all phases, in sentences."""
         return tuple(dict.fromkeys((*(each for log in self.logs for each in log.remarks), *self.flight.remarks)))
 
 

@@ -1,4 +1,4 @@
-"""The plot of a gyroscope over temperature: bias and scale, and what the polynomials leave of them."""
+"""The plot of a gyroscope over temperature: bias and scale, and their residuals from the polynomials."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ def draw(path: Path, report: CalibrationReport) -> None:
     """Draw bias and, where it was measured, scale of all axes over temperature, with their residuals below.
 
     Args:
-        path: what to write; its ending, .svg or .png, says the format.
+        path: what to write; its suffix, .svg or .png, sets the format.
         report: what to draw.
 
     Raises:
-        Refused: another ending, or a file that cannot be written.
+        Refused: another suffix, or a file that cannot be written.
     """
     parts = [("bias", report.calibration.unit, report.bias)]
     if report.scale:

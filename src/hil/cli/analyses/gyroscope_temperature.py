@@ -30,8 +30,8 @@ __all__ = ["gyroscope_temperature", "in_celsius"]
 _OTHER_DEGREES = re.compile(r"(?:^|[\s_\[(/])(°F|degF|F|K|degK|kelvin|fahrenheit)[\])]?\s*$", re.IGNORECASE)
 _DEGC = re.compile(r"(?:^|[\s_\[(/])(°C|degC|C|celsius)[\])]?\s*$", re.IGNORECASE)
 _HOTTEST = 85.0  # degC that sensors are made for
-_LARGEST = 1e100  # beyond this a square is no number any more
-_LEAST_SPAN = 2.0  # K between the temperatures of a table: less tells no dependence
+_LARGEST = 1e100  # beyond this a square overflows
+_LEAST_SPAN = 2.0  # K between the temperatures of a table: less shows no dependence
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -186,7 +186,7 @@ def _readings(file: Path, columns: _Columns, names: tuple[str, ...], unit: str) 
 
 
 def _gates(readings: Sequence[Reading], title: str) -> tuple[Gate, ...]:
-    """Ask the temperatures and each axis what they read.
+    """Return the gates on the temperatures and on each axis.
 
     Raises:
         Refused: a number of the table is none.
@@ -207,7 +207,7 @@ def _gates(readings: Sequence[Reading], title: str) -> tuple[Gate, ...]:
 
 
 def in_celsius(title: str, temperatures: NDArray[np.float64], *, series: bool) -> Gate:
-    """Return a gate that trips where a column does not hold degrees Celsius, as its numbers or its name tell.
+    """Return a gate that trips if a column does not hold degrees Celsius, judging by its numbers or its name.
 
     Args:
         title: the column's name.
@@ -232,7 +232,7 @@ def in_celsius(title: str, temperatures: NDArray[np.float64], *, series: bool) -
 
 
 def _copied(table: Table) -> tuple[Gate, ...]:
-    """Return a gate that trips where the whole table stands in the file several times."""
+    """Return a gate that trips if the file holds the whole table several times."""
     from hil.analysis.gates import Gate, copies  # noqa: PLC0415 - start-up stays light
 
     times = copies(table.values.T)
@@ -250,14 +250,14 @@ def _finite(file: Path, table: Table) -> None:
     if rows.size:
         raise Refused(
             f"{file}: row {rows[0] + 1} has no finite number in column {table.names[places[0]]}",
-            "correct or remove the row",
+            "fix or remove the row",
         )
     rows, places = np.nonzero(np.abs(table.values) > _LARGEST)
     if rows.size:
         number = table.values[rows[0], places[0]]
         raise Refused(
             f"{file}: row {rows[0] + 1} has {number:.3g} in column {table.names[places[0]]}, which cannot be squared",
-            "correct or remove the row",
+            "fix or remove the row",
         )
 
 
@@ -268,7 +268,7 @@ def _figures(values: Sequence[float], spread: Sequence[float | None], unit: str)
 
 
 def _checked(report: CalibrationReport) -> None:
-    """Read the export back and compute the table again with it."""
+    """Read the export back and recompute the table with it."""
     from hil.analysis.gyroscope.interchange import as_json, from_json  # noqa: PLC0415 - start-up stays light
     from hil.analysis.gyroscope.self_check import export_disagreements  # noqa: PLC0415 - start-up stays light
 

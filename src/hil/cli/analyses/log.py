@@ -1,4 +1,4 @@
-"""The one way in which an analysis gets a log: read, times understood, gates asked; then it computes, with status."""
+"""How every analysis gets a log: read it, interpret its times, evaluate the gates; then compute, with status."""
 
 from __future__ import annotations
 
@@ -36,10 +36,10 @@ __all__ = [
 ]
 
 INCONCLUSIVE = "inconclusive"
-"""Status of what was computed from a log that a gate speaks against."""
+"""Status of what was computed from a log for which a gate trips."""
 
-_LARGEST, _SMALLEST = 1e100, 1e-100  # beyond these a square is no number any more
-_JITTER = 0.6  # of an interval, rms: with more nobody can tell which sample is which
+_LARGEST, _SMALLEST = 1e100, 1e-100  # beyond these a square overflows or vanishes
+_JITTER = 0.6  # of a sampling period, rms: with more, samples cannot be told apart
 _COPED = frozenset({"gaps", "jitter", "rate"})  # what averages over evenly placed samples can cope with
 _BRACKETS = re.compile(r"[\[(]([^\[\]()]+)[\])]\s*$")  # a unit at the end of a column's name
 _LEAST_OF_CLOCK, _TOLD = 10, 0.005  # samples, and part of white noise that rounding added
@@ -47,7 +47,7 @@ _LEAST_OF_CLOCK, _TOLD = 10, 0.005  # samples, and part of white noise that roun
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Log:
-    """A log that was read, whose times are understood, and that the gates were asked about.
+    """A log that was read, with interpreted times and evaluated gates.
 
     Attributes:
         file: its name.
@@ -55,7 +55,7 @@ class Log:
         rate: samples per second.
         sampling: what the timestamps say, None if there are none.
         channels: samples by column, on an even grid; NaN where one is missing.
-        gates: every gate with its answer.
+        gates: every gate with its result.
         remarks: what was understood in another way than it was written, left out or taken for granted, in sentences.
         begin: when its first sample was, in s after the first row of the file.
         coped: names of gates that the analysis copes with when they trip.
@@ -81,7 +81,7 @@ class Log:
 
 
 def status(doubts: tuple[Gate, ...], otherwise: str) -> str:
-    """Return the status of a figure: what the analysis says of it, unless a gate speaks against the log."""
+    """Return the status of a figure: the analysis' own, unless a gate trips for the log."""
     return INCONCLUSIVE if doubts and otherwise not in {"not observable", "model rejected"} else otherwise
 
 
@@ -95,8 +95,8 @@ def log_as_json(log: Log, *, doubted: bool, gates: tuple[Gate, ...] = ()) -> dic
 
     Args:
         log: what was analysed.
-        doubted: whether a gate speaks against any of its channels.
-        gates: what the analysis asked besides the log's own gates.
+        doubted: whether a gate trips for any of its channels.
+        gates: those of the analysis, besides the log's own.
     """
     return {
         "format": 1,
@@ -109,7 +109,7 @@ def log_as_json(log: Log, *, doubted: bool, gates: tuple[Gate, ...] = ()) -> dic
 
 
 def obtain(wanted: Wanted, parts: str = "averages that miss more than 5 %") -> Log:
-    """Read a log, understand its times, cut it to the part that is meant, and ask the gates.
+    """Read a log, interpret its times, cut it to the selected part, and evaluate the gates.
 
     Args:
         wanted: which samples.
@@ -123,13 +123,13 @@ def obtain(wanted: Wanted, parts: str = "averages that miss more than 5 %") -> L
 
 
 def obtain_beside(sensors: Sequence[Wanted], parts: str, *, at_rest: bool = True, own_pace: bool = False) -> list[Log]:
-    """Read what several sensors say in one log, at the same times.
+    """Read the samples of several sensors from one log, at the same times.
 
     Args:
         sensors: which samples, of one file and with one time; where there are several, each names its columns.
         parts: as of `obtain`.
-        at_rest: whether the whole record is taken at rest; where it is not, its samples are not asked.
-        own_pace: whether each sensor may have a rate of its own: rows in which it has no cell, NaN, or its last reading
+        at_rest: whether the whole record is taken at rest; if not, its samples pass no gates.
+        own_pace: whether each sensor may have its own rate: rows in which it has no cell, NaN, or its last reading
             once more are then not of its log.
 
     Raises:
@@ -216,7 +216,7 @@ def _log(
 
 
 def _infinite(channels: Mapping[str, NDArray[np.float64]]) -> tuple[Gate, ...]:
-    """Ask of samples that were not taken at rest whether any is infinite; what is NaN counts as missing."""
+    """Return gates on infinite samples for a record that was not taken at rest; NaN counts as missing."""
     import numpy as np  # noqa: PLC0415 - start-up stays light
 
     from hil.analysis.gates import finite  # noqa: PLC0415 - start-up stays light
@@ -225,7 +225,7 @@ def _infinite(channels: Mapping[str, NDArray[np.float64]]) -> tuple[Gate, ...]:
 
 
 def named_units(columns: Iterable[str], unit: str) -> tuple[Gate, ...]:
-    """Return a gate that trips for each column whose name ends in another unit than the one that was typed."""
+    """Return a gate that trips for each column whose name ends in a unit other than the one given."""
     from hil.analysis.gates import Gate  # noqa: PLC0415 - start-up stays light
     from hil.requirements.units import same  # noqa: PLC0415 - slow to import
 
@@ -237,7 +237,7 @@ def named_units(columns: Iterable[str], unit: str) -> tuple[Gate, ...]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Timed:
-    """Samples whose times are known: the rows that are meant, in order of time."""
+    """Samples whose times are known: the selected rows, in chronological order."""
 
     seconds: NDArray[np.float64]
     places: NDArray[np.int64] | None
@@ -269,7 +269,7 @@ def _untimed(wanted: Wanted, table: Table) -> _Timed:
 
 
 def _timed(wanted: Wanted, table: Table, *, zero: float = math.nan) -> _Timed:
-    """Understand the times of samples; `zero` is the timestamp of the file's first row, where it is not theirs."""
+    """Interpret the times of samples; `zero` is the timestamp of the file's first row, if it is not theirs."""
     import numpy as np  # noqa: PLC0415 - start-up stays light
 
     from hil.analysis.sampling import placed  # noqa: PLC0415 - start-up stays light
@@ -286,7 +286,7 @@ def _timed(wanted: Wanted, table: Table, *, zero: float = math.nan) -> _Timed:
     since = line.seconds + later if later > 0.0 else line.seconds
     part = _part(wanted, since)
     whole = bool(part.all())
-    rows: NDArray[np.int64] | slice = slice(None)  # no copy where every row is meant
+    rows: NDArray[np.int64] | slice = slice(None)  # no copy if every row is selected
     if line.rows is not None or not whole:
         rows = (np.arange(len(raw)) if line.rows is None else line.rows)[part]
     report, places = (line.report, line.places) if whole else placed(line.seconds[part])
@@ -314,14 +314,14 @@ def _part(wanted: Wanted, since: NDArray[np.float64]) -> NDArray[np.bool_]:
 
 
 def _scaled(wanted: Wanted, name: str, values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return samples in the unit of the result; refuse those whose squares are no numbers."""
+    """Return samples in the unit of the result; refuse those whose squares overflow or vanish."""
     scaled = values if wanted.scale is None else values * wanted.scale
     refuse_extremes(wanted.file, name, scaled)
     return scaled
 
 
 def refuse_extremes(file: Path, column: str, values: NDArray[np.float64]) -> None:
-    """Refuse a column without a number, or whose squares are none.
+    """Refuse a column without a number, or with numbers whose squares overflow or vanish.
 
     Args:
         file: whose column it is.
@@ -381,7 +381,7 @@ def _rounded(channels: Mapping[str, NDArray[np.float64]], facts: Facts) -> list[
 
 
 def _clocks(rates: Mapping[str, NDArray[np.float64]]) -> list[str]:
-    """Return a remark for every column that only ever rises: no noise does that, a time or a counter does."""
+    """Return a remark for every column that rises monotonically, as a time or a counter does and noise does not."""
     return [
         f"column {name} rises with every sample, as a time does: give it to --time, or leave it out with --columns"
         for name, values in rates.items()

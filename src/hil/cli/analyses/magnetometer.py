@@ -164,7 +164,7 @@ def _recorded(
     factors: tuple[float, float],
     full_scale: float | None,
 ) -> _Recorded:
-    """Return what the file holds without rows that are not numbers, and what the gates say of it."""
+    """Return what the file holds without rows that are not numbers, and the gates on it."""
     import numpy as np  # noqa: PLC0415 - start-up stays light
 
     from hil.analysis.extremes import saturated  # noqa: PLC0415 - start-up stays light
@@ -206,7 +206,7 @@ def _exported(
     export: Path | None,
     c_header: Path | None,
 ) -> None:
-    """Write the calibration, as far as it gives back the readings that it was made from."""
+    """Write the calibration if it reproduces the readings that it was made from."""
     from hil.analysis.magnetometer import interchange  # noqa: PLC0415 - start-up stays light
 
     text = interchange.magnetometer_as_json(report.calibration)

@@ -24,13 +24,13 @@ def draw(
     """Draw the residuals of all readings, and where on the sphere the calibrated ones lie, in a map of equal areas.
 
     Args:
-        path: what to write; its ending, .svg or .png, says the format.
+        path: what to write; its suffix, .svg or .png, sets the format.
         report: what to draw.
         readings: shape (n, 3).
         temperature: as it was given to the fit.
 
     Raises:
-        Refused: another ending, nothing to draw, or a file that cannot be written.
+        Refused: another suffix, nothing to draw, or a file that cannot be written.
     """
     if not np.isfinite(report.residual).any():
         raise Refused(f"{path}: there is no ellipsoid to draw", "measure attitudes all over the sphere")

@@ -202,7 +202,7 @@ def _as_text(file: str, report: PhotodiodeReport, gates: tuple[Gate, ...], remar
 
 
 def _status(report: PhotodiodeReport, name: str) -> str:
-    """Return what is to be said of a figure that is not measured."""
+    """Return the remark for a figure that is not measured."""
     figure = report.figures.get(name, report.noise)
     return "" if figure.status.value == "measured" else figure.status.value
 

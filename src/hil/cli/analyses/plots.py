@@ -30,7 +30,7 @@ from hil.model.errors import Refused
 __all__ = ["COLOURS", "MARKS", "draw_allan", "draw_battery", "draw_drift", "draw_psd", "draw_trend", "save"]
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
-"""Colours that all eyes tell apart (Okabe and Ito)."""
+"""Colours that are safe for colour-blind readers (Okabe and Ito)."""
 
 MARKS = ("o", "s", "^", "D", "v", "P")
 """Marks in the same order."""
@@ -39,7 +39,7 @@ _MODELLED = ("overlapping", "total")  # the fitted Allan deviation is also what 
 _KINDS = (StepKind.CHARGE, StepKind.DISCHARGE)
 _MOST = 20  # curves of one kind; more are thinned out
 _POINTS = 2000  # of one curve
-_SHORT, _READABLE = 10.0, 1e4  # of an axis' ends, and numbers that are easily read
+_SHORT, _READABLE = 10.0, 1e4  # of an axis' ends, and easily read numbers
 _PANELS = 12  # of a trend, one below the other
 
 
@@ -47,11 +47,11 @@ def draw_allan(path: Path, axes: Sequence[Axis]) -> None:
     """Draw the Allan deviations of some axes of one unit.
 
     Args:
-        path: what to write; its ending, .svg or .png, says the format.
+        path: what to write; its suffix, .svg or .png, sets the format.
         axes: what to draw, all with one estimator.
 
     Raises:
-        Refused: another ending, nothing to draw, or a file that cannot be written.
+        Refused: another suffix, nothing to draw, or a file that cannot be written.
     """
     drawn = [axis for axis in axes if axis.curve.deviation.any()]
     if not drawn:
@@ -63,13 +63,13 @@ def draw_battery(path: Path, data: Series, summary: Summary, how: Segmentation) 
     """Draw voltage over time and charge, dQ/dV, and capacities, energies with their fade, and efficiencies over cycles.
 
     Args:
-        path: what to write; its ending, .svg or .png, says the format.
+        path: what to write; its suffix, .svg or .png, sets the format.
         data: the samples.
         summary: what they show.
-        how: how steps are told apart.
+        how: how steps are segmented.
 
     Raises:
-        Refused: another ending, or a file that cannot be written.
+        Refused: another suffix, or a file that cannot be written.
     """
     save(path, lambda: _battery(data, summary, how))
 
@@ -78,12 +78,12 @@ def draw_drift(path: Path, unit: str, fragments: Sequence[Mapping[str, Drift]]) 
     """Draw the axes over temperature, a panel each: heating filled, cooling hollow, and the lines of their slopes.
 
     Args:
-        path: what to write; its ending, .svg or .png, says the format.
+        path: what to write; its suffix, .svg or .png, sets the format.
         unit: of the axes.
         fragments: by axis, all with the same ones.
 
     Raises:
-        Refused: another ending, nothing to draw, or a file that cannot be written.
+        Refused: another suffix, nothing to draw, or a file that cannot be written.
     """
     if not any(each.time.size for axes in fragments for each in axes.values()):
         raise Refused(f"{path}: no fragment is long enough to draw", "see what the command says of each")
@@ -94,11 +94,11 @@ def draw_psd(path: Path, axes: Sequence[psd_text.Axis]) -> None:
     """Draw the spectra of some axes of one unit: bands with intervals, the fitted model, and lines.
 
     Args:
-        path: what to write; its ending, .svg or .png, says the format.
+        path: what to write; its suffix, .svg or .png, sets the format.
         axes: what to draw.
 
     Raises:
-        Refused: another ending, nothing to draw, or a file that cannot be written.
+        Refused: another suffix, nothing to draw, or a file that cannot be written.
     """
     drawn = [axis for axis in axes if axis.noise.bands.density.any()]
     if not drawn:
@@ -110,12 +110,12 @@ def draw_trend(path: Path, parameter: str, found: Sequence[Trend]) -> None:
     """Draw what checks of a parameter found over the days of their runs, a panel for each series.
 
     Args:
-        path: what to write; its ending, .svg or .png, says the format.
+        path: what to write; its suffix, .svg or .png, sets the format.
         parameter: the parameter.
         found: its series.
 
     Raises:
-        Refused: no number to draw, too many panels, another ending, or a file that cannot be written.
+        Refused: no number to draw, too many panels, another suffix, or a file that cannot be written.
     """
     drawn = [each for each in found if any(_is_placed(point) for point in each.points)]
     if not drawn:
@@ -348,11 +348,11 @@ def save(path: Path, make: Callable[[], Figure]) -> None:
     """Write a figure without dates and random names.
 
     Args:
-        path: what to write; its ending, .svg or .png, says the format.
+        path: what to write; its suffix, .svg or .png, sets the format.
         make: makes the figure, under the settings that it is written with.
 
     Raises:
-        Refused: another ending, or a file that cannot be written.
+        Refused: another suffix, or a file that cannot be written.
     """
     form = path.suffix.lower().lstrip(".")
     if form not in {"svg", "png"}:

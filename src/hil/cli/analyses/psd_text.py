@@ -52,7 +52,7 @@ class Axis:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Result:
-    """Everything one call found out."""
+    """All results of one call."""
 
     log: Log
     axes: tuple[Axis, ...]

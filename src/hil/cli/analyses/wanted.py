@@ -1,4 +1,4 @@
-"""What a person says of a log: which samples of which file are meant, and what is known of the sensor."""
+"""What the user says about a log: which samples of which file, and what is known about the sensor."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _TIME_UNITS = ("s", "ms", "us", "ns", "min", "h", "d")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Wanted:
-    """Which samples of a log are meant, and what is known of the sensor.
+    """Which samples of a log are meant, and what is known about the sensor.
 
     Times are in s after the first sample; columns by number or name; count and full scale in `unit`, the density in
     the unit of the result.

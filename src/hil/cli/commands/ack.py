@@ -65,14 +65,14 @@ def what_happened(folder: Path) -> list[Sentence]:
 
 
 def moment(utc: str) -> str:
-    """Return an instant as people read it, to the millisecond; what is no instant as it is."""
+    """Return an instant in readable form, to the millisecond; any other text unchanged."""
     day, _, time = utc.partition("T")
     whole, _, part = time.rstrip("Z").partition(".")
     return f"{day} {whole}.{part[:3]:0<3} UTC" if time.endswith("Z") else utc
 
 
 def written_down(folder: Path) -> list[Path]:
-    """Return the files in which the guardian and the run have written it down, as far as they are there."""
+    """Return the existing files in which the guardian and the run recorded it."""
     return [path for path in (folder / GUARDIAN, folder / JOURNAL) if path.is_file()]
 
 
@@ -87,7 +87,7 @@ def _of_run(folder: Path) -> Iterator[dict[str, object]]:
 
 
 def _tell(folder: Path) -> None:
-    """Print when what happened, in the order of time, and where it is written down in full."""
+    """Print what happened in chronological order, and which files have the full record."""
     from hil.evidence.package.listing import shown as printable  # noqa: PLC0415 - heavy
     from hil.report.tables import aligned  # noqa: PLC0415 - heavy
 
@@ -98,7 +98,7 @@ def _tell(folder: Path) -> None:
 
 
 def _run_or_latched(asked: str) -> Path:
-    """Return the folder of a run, also of one that is gone and has left a latch."""
+    """Return the folder of a run, even if only its latch is left."""
     from hil.bench.lease import latches_of  # noqa: PLC0415 - only where something is latched
 
     try:
@@ -111,7 +111,7 @@ def _run_or_latched(asked: str) -> Path:
 
 
 def _can_be_read(folder: Path) -> bool:
-    """Return whether a run's folder is there for this user; another user's may be closed to it."""
+    """Return whether this user can read a run's folder; another user's may be closed."""
     try:
         return (folder / JOURNAL).is_file()
     except PermissionError:

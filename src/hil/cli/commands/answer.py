@@ -90,7 +90,7 @@ def _asked(run: str, asked: Asked | AskedAgain | None) -> Question:
 
 
 def _witness(question: Question, by: str, witness: str) -> str:
-    """Return who witnesses the answer, asked at this terminal where nobody is named; empty if nobody has to."""
+    """Return who witnesses the answer, prompted for if no name was given; empty if no witness is needed."""
     from hil.executive.people.questions import witness_problem  # noqa: PLC0415 - heavy
 
     if not question.witness:
@@ -102,7 +102,7 @@ def _witness(question: Question, by: str, witness: str) -> str:
 
 
 def _given(question: Question, answer: str) -> str:
-    """Return an answer of the command line, where that may give one and it is one."""
+    """Return the answer given on the command line, if that is allowed and it fits the question."""
     from hil.executive.people.questions import form, understood  # noqa: PLC0415 - heavy
 
     if question.safety:
@@ -126,7 +126,7 @@ def _problem(question: Question, answer: str) -> str:
 
 
 def _read(question: Question) -> str:
-    """Return what a person at this terminal answers; what is no answer is asked again.
+    """Return what a person at this terminal answers, prompting until the answer fits.
 
     A safety confirmation is not answered by what was typed before it was shown.
     """

@@ -40,7 +40,7 @@ _DAMAGES = frozenset({"INTEGRITY", "MISSING_PACKAGE"})
 
 @contextmanager
 def _uncollected() -> Iterator[None]:
-    """Leave out collecting cycles: an audit holds large trees that have none, and each collection walks all of them."""
+    """Suspend garbage collection: an audit holds large trees without cycles, and each collection walks all of them."""
     enabled = gc.isenabled()
     gc.disable()
     try:
@@ -118,7 +118,7 @@ def command(
 
 
 def _tell(document: Document, formats: Sequence[str], output: Path | None, folders: Folders) -> None:
-    """Write the files that are asked for, and what is open unless standard output is one of them."""
+    """Write the requested files, and what is open unless standard output is one of them."""
     if formats:
         _write(document, formats, output, folders.reports)
     if not formats or output:
@@ -131,7 +131,7 @@ def _tell(document: Document, formats: Sequence[str], output: Path | None, folde
 
 
 def _missing_pin(world: World, folders: Folders) -> str:
-    """Return that the settings name no ledger, and what to write into them; empty where they name one."""
+    """Return a warning if the settings name no ledger, with the line to add; empty if they name one."""
     from hil.evidence.ledger.book import ledger_file  # noqa: PLC0415 - heavy
 
     file = ledger_file(folders.reports)
@@ -183,7 +183,7 @@ def _require_reason(because: str, by: str, *, record: bool) -> None:
 
 
 def workspace_folders() -> Folders:
-    """Return the folders of the workspace that holds the present folder."""
+    """Return the folders of the workspace around the current folder."""
     from hil.audit.reading import Folders  # noqa: PLC0415 - heavy
 
     found = find_workspace(Path.cwd())

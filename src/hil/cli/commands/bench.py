@@ -83,7 +83,7 @@ def _tell(gate: Gate) -> None:
 
 
 def _say(line: str) -> None:
-    """Say a line; whether anybody reads it changes nothing of a bench that is being driven."""
+    """Print a line; an output without a reader must not disturb a bench that is being driven."""
     width = shutil.get_terminal_size().columns if sys.stdout.isatty() else 0
     with suppress(Unwritten):
         for part in fitting([line], width):

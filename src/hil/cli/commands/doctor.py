@@ -1,4 +1,4 @@
-"""`hil doctor`: whether this computer is fit for its benches, and what to type where it is not."""
+"""`hil doctor`: check that this computer is ready for its benches, and print fixes."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def _tell(found: list[Check]) -> None:
 
 
 def _python(version: tuple[int, ...], optimize: int) -> Check:
-    """Look at the interpreter: its version, and whether it looks at assertions."""
+    """Check the interpreter: its version, and that it evaluates assertions."""
     from hil.bench.host_checks import Check  # noqa: PLC0415 - heavy
 
     told = ".".join(map(str, version))
@@ -77,7 +77,7 @@ def _python(version: tuple[int, ...], optimize: int) -> Check:
 
 
 def _environment(changing: list[str]) -> Check:
-    """Look for what makes Python or its libraries execute other code than what is installed: it keeps runs open."""
+    """Look for anything that makes Python or its libraries execute code that is not installed: it keeps runs open."""
     from hil.bench.host_checks import Check  # noqa: PLC0415 - heavy
 
     if not changing:
@@ -93,7 +93,7 @@ def _environment(changing: list[str]) -> Check:
 
 
 Installed = Callable[[str], str | None]
-"""Gives the version of a package that is installed, None where it is not."""
+"""Returns the version of an installed package, None if it is not installed."""
 
 
 def _installed(name: str) -> str | None:
@@ -104,7 +104,7 @@ def _installed(name: str) -> str | None:
 
 
 def _packages(required: Iterable[str], installed: Installed) -> Check:
-    """Check whether the packages that hil needs are there in versions that it was made for."""
+    """Check that the packages that hil needs are installed in supported versions."""
     from packaging.requirements import Requirement  # noqa: PLC0415 - heavy; pytest brings it
 
     from hil.bench.host_checks import Check  # noqa: PLC0415 - heavy
@@ -153,7 +153,7 @@ def _visa(installed: Installed) -> Check:
 
 
 def _workspace() -> tuple[Workspace | None, list[BenchSpec], list[tuple[str, str]]]:
-    """Return the workspace around the present folder, its benches, and what is wrong with those that cannot be read."""
+    """Return the workspace around the current folder, its benches, and the errors of those that cannot be read."""
     from hil.bench.file.reading import bench_names, load_bench  # noqa: PLC0415 - heavy
     from hil.executive.setup.workspace import find_workspace  # noqa: PLC0415 - heavy
 

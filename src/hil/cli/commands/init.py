@@ -1,4 +1,4 @@
-"""`hil init`: make a workspace that runs at once, to be changed into one's own."""
+"""`hil init`: create a workspace that runs as it is, as a starting point."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _BESIDE = {
     ".github/workflows/hil.yml": "ci/github.yml",
     ".gitlab-ci.yml": "ci/gitlab.yml",
 }
-"""What a repository may have already; what is there stays as it is."""
+"""What a repository may have already; existing files stay as they are."""
 
 
 @click.command(name="init", epilog="Example: hil init bench && cd bench")
@@ -63,7 +63,7 @@ def command(folder: Path) -> None:
 
 
 def _require_new(root: Path, folder: Path) -> None:
-    """Require that nothing is there that would be part of the workspace.
+    """Require that no file of the workspace exists yet.
 
     Raises:
         Refused: with what is there.
@@ -80,7 +80,7 @@ def _require_new(root: Path, folder: Path) -> None:
 
 
 def _write(path: Path, source: str) -> bool:
-    """Copy a file of the product, and return whether; one that is there is never overwritten."""
+    """Copy a file of the product unless it exists; return whether it was copied."""
     content = (Path(__file__).parents[1] / "first_workspace" / source).read_bytes()
     path.parent.mkdir(parents=True, exist_ok=True)
     try:

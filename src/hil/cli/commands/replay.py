@@ -1,4 +1,4 @@
-"""`hil replay`: run the cases of a package again on its recorded bytes."""
+"""`hil replay`: rerun the cases of a package on its recorded bytes."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def command(run: str) -> int:
 
 
 def _enter(verified: Verification, found: Replayed) -> None:
-    """Enter the result in the ledger that has the package; where that fails, say so: the replay stands without it."""
+    """Enter the result in the ledger that has the package; if that fails, say so: the replay is valid without it."""
     from hil.evidence.ledger.entries import Replayed as Entry  # noqa: PLC0415 - after the pins
     from hil.evidence.ledger.packages import enter_replay  # noqa: PLC0415 - after the pins
     from hil.evidence.package.contents import Package  # noqa: PLC0415 - after the pins

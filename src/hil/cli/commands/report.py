@@ -1,4 +1,4 @@
-"""`hil report`: derive the report of a package again."""
+"""`hil report`: regenerate the report of a package."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def command(run: str, output: Path | None, pdf: Path | None) -> int:
 
 
 def derived(folder: Path, found: Verification) -> dict[str, tuple[bytes, str, bool]]:
-    """Return, per file of the report, what it is now, how the one in the package compares, and whether that is right.
+    """Return each file of the report as regenerated, how the packaged one compares, and whether that is right.
 
     Args:
         folder: the run's folder.

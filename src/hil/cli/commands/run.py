@@ -33,20 +33,20 @@ __all__ = ["command"]
 
 
 class Place(click.Path):
-    """A folder that was named; an empty text, which a script's unset variable leaves, would be the present folder."""
+    """A named folder; empty text, as from an unset variable in a script, would mean the current folder."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:  # noqa: ANN401 - click's
-        """Convert what was named."""
+        """Return the path."""
         if not os.fspath(value):
             self.fail("no folder is named", param, ctx)
         return super().convert(value, param, ctx)
 
 
 class NewFile(click.Path):
-    """A file that is written in the end, in a folder that must be there before."""
+    """A file that is written at the end, in a folder that must exist beforehand."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:  # noqa: ANN401 - click's
-        """Convert what was named."""
+        """Return the path."""
         folder = Path(os.fspath(value)).resolve().parent
         if not folder.is_dir():
             self.fail(f"there is no folder {folder}: make it first", param, ctx)
@@ -162,7 +162,7 @@ def _run(request: Request, word: Word, *, verbose: bool) -> int:
 
 
 def _in_another_process(invocation: Invocation, output: Path | None, *, detach: bool, ask: bool) -> int:
-    """Wait for the process that runs, or let it go; the one that waits stays light."""
+    """Wait for the process of the run, or detach from it; the waiting process stays light."""
     if detach and ask:
         raise Refused("--ask needs the terminal that --detach leaves", "give answers with --answers FILE")
     if detach and ONLOOKER not in os.environ:
@@ -175,7 +175,7 @@ def _in_another_process(invocation: Invocation, output: Path | None, *, detach: 
 
 
 def _require_text(**options: str) -> None:
-    """Refuse bytes that are no text of this terminal's encoding: no evidence could hold them."""
+    """Refuse bytes that are not text in this terminal's encoding: no evidence could hold them."""
     for name, value in options.items():
         if any("\ud800" <= character <= "\udfff" for character in value):
             raise Refused(f"--{name} is not text in the encoding of this terminal", "type it again")

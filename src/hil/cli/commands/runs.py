@@ -62,7 +62,7 @@ def command(bench: str | None, dut: str | None, plan: str | None, verdict: str |
 
 
 def _known(asked: str) -> str:
-    """Return the verdict that is asked for.
+    """Return the requested verdict.
 
     Raises:
         Refused: if there is none of this name.
@@ -76,7 +76,7 @@ def _known(asked: str) -> str:
 
 
 def _there(runs: Sequence[RunSummary], **asked: str | None) -> Iterator[str]:
-    """Give, for every choice that no run meets, what there is instead."""
+    """Yield the known values for every filter that no run matches."""
     known = {
         "bench": {run.bench for run in runs},
         "dut": {run.dut for run in runs},
@@ -89,12 +89,12 @@ def _there(runs: Sequence[RunSummary], **asked: str | None) -> Iterator[str]:
 
 
 def _width() -> int:
-    """Return how many characters a line may have; what is not shown to a person may be as long as it likes."""
+    """Return the maximum length of a line; unlimited if standard output is not a terminal."""
     return shutil.get_terminal_size().columns if sys.stdout.isatty() else _ANY_WIDTH
 
 
 def _lines(runs: Sequence[RunSummary], width: int) -> Iterator[str]:
-    """Give a line per run, in columns; where they do not fit, the name gets a line of its own."""
+    """Yield a line per run, in columns; if they do not fit, the name gets its own line."""
     from hil.guardian.latch import latch_files, read  # noqa: PLC0415 - heavy
     from hil.report.tables import aligned  # noqa: PLC0415 - heavy
 

@@ -1,4 +1,4 @@
-"""`hil select`: which of several sensors is the best in what, from their packages."""
+"""`hil select`: which of several sensors is best by which criterion, from their packages."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def _reports(*, needed: bool) -> Path | None:
 
 
 def _missing(reports: Path | None, benches: Container[str], there: Container[str]) -> list[str]:
-    """Return the runs on some benches that the ledger names, and that are not there."""
+    """Return the runs on these benches that the ledger names but that are missing."""
     from hil.evidence.ledger.book import read  # noqa: PLC0415 - heavy
     from hil.evidence.ledger.entries import Sealed  # noqa: PLC0415 - heavy
 
@@ -131,7 +131,7 @@ def _write(document: Document, formats: Sequence[str], output: Path | None) -> N
 
 
 def _lines(document: Document) -> Iterator[str]:
-    """Give the trade table, and how much did not count."""
+    """Yield the trade table, and how many figures did not count."""
     from hil.report.tables import aligned, fitting  # noqa: PLC0415 - heavy
 
     yield from fitting(document.warnings, _WIDTH)

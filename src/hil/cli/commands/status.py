@@ -95,7 +95,7 @@ def status_lines(found: RunSummary) -> list[str]:
 
 
 def _next(found: RunSummary) -> str:
-    """Return the command that resumes a run which was interrupted; empty for any other one."""
+    """Return the next command for an interrupted run; empty for any other."""
     from hil.bench.lease import ack_line  # noqa: PLC0415 - heavy
     from hil.cli.died import why_not_resumed  # noqa: PLC0415 - heavy
     from hil.evidence.folder import JOURNAL  # noqa: PLC0415 - heavy
@@ -110,7 +110,7 @@ def _next(found: RunSummary) -> str:
 
 
 def _guardian(folder: Path) -> str:
-    """Return what the guardian is still doing, or could not prove; nothing where it did not act or all is safe."""
+    """Return what the guardian is still doing, or could not prove; empty if it did not act or all is safe."""
     from hil.bench.lease import holds_a_lease  # noqa: PLC0415 - heavy
     from hil.cli.commands.ack import moment  # noqa: PLC0415 - only where it is used
     from hil.evidence.safed import guardian_lines, last_act  # noqa: PLC0415 - heavy

@@ -84,7 +84,7 @@ def _tell_left_out(runs: Sequence[RunSummary], sealed: Sequence[RunSummary]) -> 
 
 
 def _nothing(sealed: Sequence[RunSummary], parameter: str, *, requirement: str | None, duts: Sequence[str]) -> Refused:
-    """Return the refusal for a question that no check answers, with what there is instead."""
+    """Return the refusal for a query without results, with the known values."""
     from hil.audit import trend  # noqa: PLC0415 - heavy
 
     known = trend.parameters(sealed)
@@ -113,7 +113,7 @@ def _lines(parameter: str, found: Sequence[Trend]) -> Iterator[str]:
 
 
 def _table(parameter: str, found: Trend) -> Iterator[str]:
-    """Give the table of a series, 80 columns wide wherever serial numbers are short: what is the same stands above."""
+    """Give the table of a series, 80 columns wide if serial numbers are short; shared values are printed above it."""
     from hil.report.tables import aligned  # noqa: PLC0415 - heavy
 
     unit = f" [{found.unit}]" if found.unit not in {"", "1"} else ""
@@ -157,7 +157,7 @@ _MAY_BE_ABOVE = ("DUT", "limit", "source", "deviates")
 
 
 def _statistics(found: Trend) -> Iterator[str]:
-    """Give a line for each unit, bench and source, as simple as the numbers allow."""
+    """Yield a line for each unit, bench and source."""
     from hil.audit import trend  # noqa: PLC0415 - heavy
     from hil.report.numbers import number  # noqa: PLC0415 - heavy
 

@@ -44,7 +44,7 @@ def command(runs: tuple[str, ...], report: bool, again: bool) -> int:
 
 
 def _tell_in_short(folder: Path, *, report: bool, again: bool) -> int:
-    """Say in a line how a package verifies, below it what is wrong, and return the exit code."""
+    """Print a package's verification in one line, any problems below it, and return the exit code."""
     from hil.evidence.package.listing import shown  # noqa: PLC0415 - heavy
 
     try:
@@ -59,7 +59,7 @@ def _tell_in_short(folder: Path, *, report: bool, again: bool) -> int:
 
 
 def _in_short(folder: Path, *, report: bool, again: bool) -> tuple[str, list[str]]:
-    """Return a package's state and verdict in a line, and everything that keeps it from being good."""
+    """Return a package's state and verdict in one line, and everything that is wrong with it."""
     from hil.evidence.package.verification import State, verify  # noqa: PLC0415 - heavy
 
     found = verify(folder)
@@ -75,7 +75,7 @@ def _in_short(folder: Path, *, report: bool, again: bool) -> tuple[str, list[str
 
 
 def _tell(folder: Path, *, report: bool, again: bool) -> int:
-    """Say everything about a package, and return the exit code."""
+    """Print the full verification of a package, and return the exit code."""
     from hil.evidence.package.listing import shown  # noqa: PLC0415 - heavy
     from hil.evidence.package.verification import State, verify  # noqa: PLC0415 - heavy
     from hil.report.tables import labelled  # noqa: PLC0415 - heavy
@@ -114,14 +114,14 @@ def _tell(folder: Path, *, report: bool, again: bool) -> int:
 
 
 class _Replayed(NamedTuple):
-    """How a replay came out: in words, and whether everything was the same."""
+    """The outcome of a replay: in words, and whether everything was the same."""
 
     word: str = "not done; add --replay to run the cases again"
     same: bool = True
 
 
 def _replayed(found: Verification) -> _Replayed:
-    """Replay the package in a process of its own, which has the pinned environment; what differs is said at once."""
+    """Replay the package in a separate process with the pinned environment; differences are printed at once."""
     from hil.executive.setup.pins import pinned_environment  # noqa: PLC0415 - only where it is asked for
 
     done = subprocess.run(  # noqa: S603 - ourselves
@@ -170,7 +170,7 @@ def _said(found: Verification) -> tuple[list[tuple[str, str]], list[str]]:
 
 
 def _worth(found: Verification) -> str:
-    """Return the verdict with what speaks against it at first sight."""
+    """Return the verdict with its obvious qualifications."""
     source = "" if found.source == "hardware" else f", {found.source.upper() or 'SOURCE NOT RECORDED'}"
     return f"{found.verdict}{source}{', deviates' if found.deviates else ''}"
 

@@ -313,7 +313,7 @@ def load_answers(path: Path, shown: str) -> Prepared:
     """Read an answers file.
 
     Raises:
-        ConfigurationError: with everything that is wrong with it.
+        ConfigurationError: with all errors in it.
     """
     findings = Findings()
     document = read_document(path, shown, findings, Prepared, schema=_SCHEMA)

@@ -35,7 +35,7 @@ class Point:
 
 
 def points_of(checks: Sequence[Check]) -> tuple[Point | None, ...]:
-    """Return the checks of one parameter as points; None for what is not to be looked at.
+    """Return the checks of one parameter as points; None for what cannot be drawn.
 
     That is a word, a value that is not finite, a criterion of a recording, and a count that is zero throughout.
     """
@@ -98,7 +98,7 @@ def _drawn(point: Point, band: Band | None, scale: Scale) -> str:
 
 
 def _of_recording(check: Check) -> bool:
-    """Tell whether a check says what a recording had to be: its length and rate are as planned."""
+    """Return whether a check judges a recording itself: its length and rate are as planned."""
     return bool(bounds_of(check)) and check.verdict is Verdict.RECORDED
 
 

@@ -39,7 +39,7 @@ Pair = tuple[float, float]
 def chart_graphics(charts: Sequence[Chart]) -> tuple[Graphic, ...]:
     """Return the charts in order of appearance; those of one title and of the same axes are one.
 
-    Where a case was tried several times, the last curve of a name counts.
+    If a case was tried several times, the last curve of a name counts.
     """
     groups: dict[object, list[Chart]] = {}
     for chart in charts:
@@ -52,7 +52,7 @@ def chart_graphics(charts: Sequence[Chart]) -> tuple[Graphic, ...]:
 
 
 def draw_chart(chart: Chart) -> str:
-    """Return a chart as SVG: the curves over their limits, and where there are residuals a panel of them below."""
+    """Return a chart as SVG: the curves over their limits, and a panel of residuals below if there are any."""
     curves = list(zip(_kinds([curve.name for curve in chart.curves]), chart.curves, strict=True))
     known = [pair for curve in chart.curves for pair in _values(curve, log=chart.log)]
     upper, lower = ([each for each in chart.limits if each.residual is below] for below in (False, True))
@@ -173,12 +173,12 @@ def _line(kind: int) -> str:
 
 
 def _mark(kind: int) -> str:
-    """Return the class of a curve's points: from the fifth one on they are hollow, so that colours can come again."""
+    """Return the class of a curve's points: from the fifth one on they are hollow, so that colours can repeat."""
     return f"mark{' hollow' if kind // _KINDS % 2 else ''} k{kind % _KINDS}"
 
 
 def _limit(sheet: Sheet, panel: Panel, limit: ChartLimit, edge: float, open_end: float) -> None:
-    """Draw one side of a limit as a dashed line, what it allows shaded where it is level."""
+    """Draw one side of a limit as a dashed line, with the allowed range shaded where the limit is level."""
     x = panel.x
     if not limit.power:
         other = limit.min if edge == limit.max and limit.min is not None else open_end
@@ -204,7 +204,7 @@ def _drawable(pair: tuple[float | None, float | None], *, log: bool) -> bool:
 def _heights(
     curves: Iterable[ChartCurve], known: Iterable[Pair], limits: Sequence[ChartLimit], across: Pair, *, log: bool
 ) -> list[float]:
-    """Return what the left axis has to show: values, their bars, and limits wherever they are."""
+    """Return what the left axis has to cover: values, their bars, and all limits."""
     ends = [y for _, y in known]
     for curve in curves:
         for y, bar in zip(curve.y, curve.expanded, strict=False):

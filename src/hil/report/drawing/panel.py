@@ -35,7 +35,7 @@ __all__ = [
 WIDTH = 3_600
 """Of every drawing, in units: ten to a pixel. Two fit side by side on paper, and one on a telephone with its words."""
 
-_CHARACTER = 62  # the width of one, on average and generously
+_CHARACTER = 62  # average width of a character, generously
 _SHORTEST = 20  # a line that would be a point is drawn this long
 _TICK = 35
 _ENTRY = 150  # the height of one row of a legend
@@ -46,7 +46,7 @@ DISC = "m-34 0a34 34 0 1 0 68 0a34 34 0 1 0-68 0z"
 _WORDS = 40  # how far below its middle line a text stands
 _TALLEST = "240mm"  # on a page of paper
 _LARGEST = 1e300  # beyond it a difference could be infinite
-_NARROWEST = 1e-9  # of the largest value: less is the noise of a float, and no two ticks would differ
+_NARROWEST = 1e-9  # of the largest value: less is float noise, and ticks would coincide
 _EXACT = Context(prec=60)
 _ROUND = (1, 2, 5, 10)
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -54,7 +54,7 @@ _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Graphic:
-    """A drawing as SVG text, with its title and a sentence for who cannot see it."""
+    """A drawing as SVG text, with its title and a text alternative."""
 
     title: str
     described: str
@@ -62,7 +62,7 @@ class Graphic:
 
 
 class Sheet:
-    """The elements of one drawing, in the order in which they lie upon each other.
+    """The elements of one drawing, from bottom to top.
 
     What they look like is in the page's style sheet, under `.drawing`.
     """
@@ -71,7 +71,7 @@ class Sheet:
         self._parts: list[str] = []
 
     def path(self, kind: str, steps: str) -> None:
-        """Add an outline or a line of the given class; nothing where it has no steps."""
+        """Add an outline or a line of the given class; nothing if it has no steps."""
         if steps:
             self._parts.append(f'<path class="{kind}" d="{steps}"/>')
 
@@ -111,8 +111,8 @@ class Band:
         unit: of the limits.
         low: the least value.
         high: the largest value.
-        channel: the channel that they speak of, empty for every one of that unit.
-        windows: from when to when they count, in seconds; empty where they always do.
+        channel: the channel that they apply to, empty for every one of that unit.
+        windows: the intervals in which they count, in seconds; empty if always.
     """
 
     unit: str
@@ -123,7 +123,7 @@ class Band:
 
     @property
     def edges(self) -> tuple[float, ...]:
-        """The limits that there are."""
+        """The limits that are set."""
         return tuple(edge for edge in (self.low, self.high) if edge is not None)
 
 
@@ -137,7 +137,7 @@ class Scale:
     last: int
 
     def at(self, value: float) -> int:
-        """Return where a value stands; what is outside the axis stands at its end."""
+        """Return the position of a value; a value outside the axis is drawn at its end."""
         share = (min(max(value, self.low), self.high) - self.low) / (self.high - self.low)
         return round(self.first + share * (self.last - self.first))
 
@@ -148,7 +148,7 @@ class Scale:
         return 0 if -3 <= size < 6 else 3 * (size // 3)
 
     def ticks(self, most: int) -> list[tuple[float, str]]:
-        """Return at most about `most` round values within the axis, and two at least, each with its label."""
+        """Return about `most` round values within the axis at most, and at least two, each with its label."""
         low, high = Decimal(repr(self.low)), Decimal(repr(self.high))
         rough = _EXACT.divide(high - low, Decimal(most))
         sizes = [Decimal(digit).scaleb(rough.adjusted()) for digit in _ROUND]
@@ -176,7 +176,7 @@ class LogScale(Scale):
     """A logarithmic axis between two values above zero."""
 
     def at(self, value: float) -> int:
-        """Return where a value above zero stands; what is outside the axis stands at its end."""
+        """Return the position of a value above zero; a value outside the axis is drawn at its end."""
         low, high = math.log10(self.low), math.log10(self.high)
         share = (math.log10(min(max(value, self.low), self.high)) - low) / (high - low)
         return round(self.first + share * (self.last - self.first))
@@ -187,7 +187,7 @@ class LogScale(Scale):
         return 0
 
     def ticks(self, most: int) -> list[tuple[float, str]]:
-        """Return the powers of ten within the axis, or at most about `most` of them; where there is one only, more."""
+        """Return the powers of ten within the axis, or about `most` of them at most; if there is only one, more."""
         first, last = math.ceil(math.log10(self.low) - 1e-9), math.floor(math.log10(self.high) + 1e-9)
         if last - first < 1:
             digits = [(digit, size) for size in range(first - 1, last + 1) for digit in (1, 2, 5)]
@@ -275,7 +275,7 @@ def legend_height(names: Sequence[str], width: int) -> int:
 
 
 def draw_limits(sheet: Sheet, panel: Panel, bands: Sequence[Band]) -> None:
-    """Draw what is allowed as an area, and its edges as dashed lines, where the limits count.
+    """Draw the allowed range as an area, and its edges as dashed lines, where the limits count.
 
     An open side goes to the axis' end.
 
@@ -338,7 +338,7 @@ def polyline(places: Iterable[tuple[int, int]]) -> str:
 
 
 def plain(words: str, longest: int = 90) -> str:
-    """Return the text without what no drawing can show, its end cut off where it is too long."""
+    """Return the text without characters that no drawing can show, truncated if it is too long."""
     shown = "".join(character if character.isprintable() else "\N{REPLACEMENT CHARACTER}" for character in words)
     return shown if len(shown) <= longest else f"{shown[: longest - 1].rstrip()}…"
 

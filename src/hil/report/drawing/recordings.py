@@ -38,10 +38,10 @@ _FEWEST_POINTS = 200
 _ALL_POINTS = 36_000  # of all channels of a page, so that it can still be mailed
 _MOST_DRAWINGS = 40  # of recordings, for the same reason
 _ABOVE, _BELOW, _BETWEEN, _HEIGHT = 60, 380, 180, 1_050
-_MANY, _LOW = 3, 620  # so many panels are lower
+_MANY, _LOW = 3, 620  # from this number on, panels are lower
 _NAME = 24
 _MARK = 160  # the length of the mark at the trigger's level
-_KINDS = 4  # of colours, and of dashes: together they tell sixteen channels apart
+_KINDS = 4  # of colours, and of dashes: together they distinguish sixteen channels
 _TIMES = ((7200.0, 3600.0, "h"), (300.0, 60.0, "min"))
 _SHORT = ((2.0, 1.0, "s"), (2e-3, 1e-3, "ms"), (2e-6, 1e-6, "µs"))
 
@@ -64,7 +64,7 @@ def recording_graphics(
         material: where the samples are.
         recordings: the events with which recordings began; those of no case are the envelope's.
         envelope: the limits of the bench file, which stand behind what they are judged on.
-        fed: the events that tell which of them a recording fed.
+        fed: the events that say which of them a recording fed.
         end: bench time at which the run ended, in s.
     """
     limits = {text(limit, "id"): limit for limit in envelope}
@@ -98,11 +98,11 @@ def draw_traces(
     """Return the channels over time as SVG, one panel per unit, with the limit bands of that unit behind them.
 
     Args:
-        title: for who cannot see it.
+        title: the text alternative.
         traces: the channels.
         bands: the limits.
         capture: what makes it a capture; its trigger is marked, and times count from there.
-        span: from when to when the axis goes; without it, over the traces.
+        span: start and end of the axis; without it, those of the traces.
     """
     panels = [[trace for trace in traces if trace.unit == unit] for unit in dict.fromkeys(t.unit for t in traces)]
     begin, end = span or spread([time for trace in traces for time in _ends(trace)], 0.01)
@@ -171,7 +171,7 @@ def _drawn(
         return ()
     first = recordings[0]
     counting = bands[0].windows if not first.case and bands else ()
-    if counting:  # readings that no limit was held against would hide those that one was
+    if counting:  # unjudged readings would hide those that a limit was applied to
         parts = [[_within(trace, counting) for trace in traces] for traces in parts]
     names = ", ".join(dict.fromkeys(recording.name for recording in recordings))
     title = names + (f" ({len(parts)} recordings)" if len(parts) > 1 else "")
@@ -191,7 +191,7 @@ def _drawn(
 
 
 def _within(trace: Trace, windows: Sequence[tuple[float, float]]) -> Trace:
-    """Return a channel with holes wherever no window is."""
+    """Return a channel with holes outside all windows."""
     import numpy as np  # noqa: PLC0415 - slow to import
 
     edges = np.array(windows)
@@ -258,7 +258,7 @@ def _currents(material: Material, recordings: Sequence[Recording]) -> dict[str |
 
 
 def _windows(current: Trace | None, flow: str, threshold: float) -> tuple[tuple[float, float], ...]:
-    """Return from when to when such a current flowed, in s."""
+    """Return the intervals in which such a current flowed, in s."""
     import numpy as np  # noqa: PLC0415 - slow to import
 
     if current is None or not flow:
@@ -271,7 +271,7 @@ def _windows(current: Trace | None, flow: str, threshold: float) -> tuple[tuple[
 
 
 def _is_level(trace: Trace) -> bool:
-    """Tell whether a channel stays where it is: then its number says all."""
+    """Return whether a channel is constant: then its number says it all."""
     known = trace.values[_drawable(trace.values)]
     return len(known) == 0 or number(float(known.min()), 4) == number(float(known.max()), 4)
 
@@ -294,7 +294,7 @@ def _ends(trace: Trace) -> list[float]:
 
 
 def _extent(traces: Sequence[Trace], bands: Sequence[Band]) -> tuple[float, float]:
-    """Return the ends of the upward axis: every value is within, and every limit too."""
+    """Return the ends of the vertical axis, which holds every value and every limit."""
     edges = [edge for band in bands for edge in band.edges]
     extremes = [
         float(end) for trace in traces for known in (_drawable(trace.values),) if known.any()
@@ -314,7 +314,7 @@ def _ticks(low: float, high: float) -> list[tuple[float, str]]:
 
 
 def _path(panel: Panel, trace: Trace, scale: float) -> str:
-    """Return the steps of a channel's line, interrupted where there is no number."""
+    """Return the steps of a channel's line, interrupted where a number is missing."""
     import numpy as np  # noqa: PLC0415 - slow to import
 
     known = _drawable(trace.values) & _drawable(trace.times)
@@ -328,7 +328,7 @@ def _path(panel: Panel, trace: Trace, scale: float) -> str:
 
 
 def _bends(x: NDArray[np.int64], y: NDArray[np.int64]) -> list[tuple[int, int]]:
-    """Return the places of a line without those that it passes anyway on a level stretch."""
+    """Return the places of a line without those inside a level stretch."""
     import numpy as np  # noqa: PLC0415 - slow to import
 
     kept = np.ones(len(x), dtype=bool)

@@ -24,7 +24,7 @@ __all__ = ["TableFormat", "header", "lines_of", "write_csv"]
 
 
 _BLOCK = 16_384
-"""Rows that are text at one time: a chunk of the HDF5 file, some megabytes of it."""
+"""Rows converted to text at a time: a chunk of the HDF5 file, some megabytes of it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,7 +52,7 @@ class TableFormat:
 def write_csv(recording: Path, table: Path, facts: Facts, form: TableFormat) -> str:
     """Write a recording as a table in UTF-8, block by block, and return the SHA-256 of the file.
 
-    Numbers have the digits that give the same float64 again; a NaN is an empty field.
+    Numbers have the digits that read back as the same float64; a NaN is an empty field.
 
     Args:
         recording: its HDF5 file.

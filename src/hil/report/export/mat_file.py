@@ -92,7 +92,7 @@ def _structures(variables: Mapping[str, str], facts: Facts) -> dict[str, Any]:
 
 
 def _plain(value: object) -> Any:  # noqa: ANN401 - whatever MATLAB has for it
-    """Return a fact as MATLAB has it: what is not known is an empty matrix, a list of words a cell array."""
+    """Return a fact as MATLAB has it: an unknown fact is an empty matrix, a list of words a cell array."""
     import numpy as np  # noqa: PLC0415 - slow to import
 
     if value is None:

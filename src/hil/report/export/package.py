@@ -39,8 +39,8 @@ class ExportRequest:
 
     Attributes:
         output: the folder to write to.
-        recordings: ids or names of recordings; all where it is empty.
-        cases: cases whose recordings are meant; all where it is empty.
+        recordings: ids or names of recordings; all if empty.
+        cases: cases whose recordings are exported; all if empty.
         table: how a text table is written, None for none.
         mat: whether a MATLAB file is written.
         compressed: whether its variables are compressed.
@@ -63,7 +63,7 @@ class Exported:
 
 
 def export_package(folder: Path, request: ExportRequest) -> Iterator[Exported]:
-    """Verify a package, then write recording after recording; nothing is written before all is known to be possible.
+    """Verify a package, then write its recordings one by one; nothing is written until all are known to be possible.
 
     Raises:
         Refused: where the package is not sealed, holds no such recording, or a file cannot be written.
@@ -79,7 +79,7 @@ def export_package(folder: Path, request: ExportRequest) -> Iterator[Exported]:
 
 
 def _verified(folder: Path) -> Verification:
-    """Return the verification of a package in which nothing is wrong: an export names its digest."""
+    """Return the verification of an intact package: an export names its digest."""
     found = verify(folder)
     if found.state is State.SEALED:
         return found
@@ -141,7 +141,7 @@ def _require_new(folder: Path, names: Sequence[str]) -> None:
 
 @contextmanager
 def _whole_files(folder: Path, names: Sequence[str]) -> Iterator[list[Path]]:
-    """Give paths to write to, and give the files their names once all of them are on the disk.
+    """Give paths to write to, and rename the files once all of them are on disk.
 
     Args:
         folder: where they are written; it is made where it is not there, and removed again if nothing comes into it.
@@ -169,4 +169,4 @@ def _whole_files(folder: Path, names: Sequence[str]) -> Iterator[list[Path]]:
                 part.unlink()
         if not there:
             with suppress(OSError):
-                folder.rmdir()  # only an empty one can be
+                folder.rmdir()  # only an empty one can be removed

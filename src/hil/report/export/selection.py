@@ -1,4 +1,4 @@
-"""Which recordings of a package a person means, and what an export says of them: origin, units, and their worth."""
+"""Which recordings of a package to export, and what an export says about them: origin, units, and their worth."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def facts_of(package: Package, verified: Verification, begun: Recording) -> Fact
 
     Args:
         package: a sealed package.
-        verified: what its verification found, which was nothing.
+        verified: its verification, without findings.
         begun: its beginning.
 
     Returns:
@@ -136,7 +136,7 @@ def _channel(channel: Channel, calibration: Calibration) -> Facts:
 
 
 def _stream(package: Package, begun: Recording, ended: RecordingEnd) -> Facts | None:
-    """Return how a streamed recording went, from the effect that took it; None for one that was not streamed."""
+    """Return the figures of a streamed recording, from the effect that took it; None if it was not streamed."""
     results = (effect.result for effect in package.of(Effect) if effect.case == begun.case)
     for result in results:
         if isinstance(result, dict) and "frames" in result and result.get("sha256") == ended.sha256:

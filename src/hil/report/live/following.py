@@ -1,4 +1,4 @@
-"""Following a run from another process: its journal as it grows, and whether it still goes on."""
+"""Following a run from another process: its journal as it grows, and whether it is still running."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from hil.report.live.readings import Reading, Readings
 __all__ = ["Follower", "Line"]
 
 _BLOCK = 8_000_000
-_LONG_ENOUGH_S = 1.0  # before that, nobody knows how fast bench time passes
+_LONG_ENOUGH_S = 1.0  # before that, the pace of bench time is unknown
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +77,7 @@ class Follower:
         return found
 
     def readings(self) -> list[Reading]:
-        """Return the newest values of what is recorded, and let the outlook know how fast bench time passes."""
+        """Return the newest recorded values, and update the outlook's pace of bench time."""
         found = self._readings.newest(self.outlook)
         self.outlook.pace = self._pace()
         return found
@@ -114,7 +114,7 @@ class Follower:
 
 
 def _line(raw: bytes) -> Line | None:
-    """Return one event, None for what is no event: `hil verify` tells what is wrong with a journal."""
+    """Return one event, None for anything else: `hil verify` reports what is wrong with a journal."""
     try:
         value = parse_strict(raw)
         body, beside = (value.get("body"), value.get("wall")) if isinstance(value, dict) else (None, None)

@@ -1,4 +1,4 @@
-"""What is told of a run that goes on: one line, or a few."""
+"""What is shown of a run in progress: one line, or a few."""
 
 from __future__ import annotations
 

@@ -24,8 +24,8 @@ class Left:
     """How much bench time is left, in s.
 
     Attributes:
-        case: of the present case, from what was seen of it; None where nothing tells.
-        run: of the whole run, from what was seen of all that is left; None where nothing tells.
+        case: of the present case, estimated from what was seen of it; None if unknown.
+        run: of the whole run, estimated from what was seen of all that is left; None if unknown.
         at_most: of the whole run, by the declared `max_duration` of its cases.
         pace: how many seconds of bench time pass in a second; more than 1 on a simulated bench only.
     """
@@ -47,7 +47,7 @@ class Left:
         return f"{bound} left"
 
     def _clock(self) -> str:
-        """Return what a person waits where bench time passes faster than that."""
+        """Return the wall time, where bench time passes faster."""
         if self.pace <= _FASTER:
             return ""
         told = f"at most {_rough(self.at_most / self.pace)}" if self.run is None else _rough(self.run / self.pace)
@@ -92,12 +92,12 @@ class _Step:
 
 @cache
 def method_of(kind: type[events.Event]) -> str:
-    """Return what the method is called that takes events of a kind."""
+    """Return the name of the method that takes events of a kind."""
     return f"_{kind.kind().replace('-', '_')}"
 
 
 class Outlook:
-    """Takes the events of a run in order, and tells where it is.
+    """Takes the events of a run in order, and knows where the run is.
 
     Attributes:
         t: bench time in s, as far as is known.
@@ -107,7 +107,7 @@ class Outlook:
         recordings: the recordings that are open, by id.
         fed: the open recording whose rows a limit of the envelope is judged on, by the limit's id.
         held: why the bench is held, None where it is not.
-        asked: the question that waits for an answer, None where none does.
+        asked: the question that waits for an answer, None if there is none.
         pace: how many seconds of bench time pass in a second, as far as is known.
     """
 
@@ -145,7 +145,7 @@ class Outlook:
             take(event)
 
     def at(self, t: float) -> None:
-        """Note that bench time is so far at least."""
+        """Note that bench time has reached at least this."""
         self.t = max(self.t, t)
 
     def left(self) -> Left | None:

@@ -75,7 +75,7 @@ class Reading:
 
 
 class Readings:
-    """Reads row files of a run that goes on, without a lock, and never past their last whole row.
+    """Reads row files of a run in progress, without a lock, and never past their last whole row.
 
     Args:
         folder: the run's folder.
@@ -140,7 +140,7 @@ class Readings:
 
     @cached_property
     def _limits(self) -> dict[str, Mapping[str, Any]]:
-        """The limits of the frozen bench file by id; a run goes on without them."""
+        """The limits of the frozen bench file by id; a run can be shown without them."""
         try:
             bench = parse((self._folder / _BENCH).read_text(encoding="utf-8"), _BENCH)
             return {text(limit, "id"): limit for limit in inners(bench, "envelope")}
@@ -160,7 +160,7 @@ def _currents(begun: Mapping[str, Recording], rows: Mapping[str, tuple[float, ..
 
 
 def _last_row(path: Path, width: int) -> tuple[float, ...] | None:
-    """Return the last whole row of a file that grows, None where there is none or the file is gone."""
+    """Return the last whole row of a file that grows, None if there is none or the file is gone."""
     try:
         with open_plain(path) as stream:
             start = len(stream.readline(_LONGEST_HEADER))

@@ -62,7 +62,7 @@ class Placed:
 
 
 def attributed(events: Iterable[Event]) -> list[Placed]:
-    """Return the events with case, step and attempt; what tells of a recording is where the recording is."""
+    """Return the events with case, step and attempt; events about a recording are placed with the recording."""
     owners: dict[str, tuple[str, str]] = {}
     attempts: Counter[str] = Counter()
     placed: list[Placed] = []
@@ -93,7 +93,7 @@ def checks_of(events: Iterable[Placed], names: Mapping[str, CaseName]) -> tuple[
 
 
 def check_row(check: Check, named: CaseName | None = None, attempt: str = "") -> CheckRow:
-    """Return one check, written out."""
+    """Return the table row of one check."""
     expanded = check.expanded if check.limit_unit in {"", check.unit} else None
     limit = limit_of(check)
     return CheckRow(
@@ -120,7 +120,7 @@ def check_row(check: Check, named: CaseName | None = None, attempt: str = "") ->
 
 
 def behind(names: Iterable[str]) -> str:
-    """Return what a value comes from; of a recording once, with its channels in brackets."""
+    """Return what a value comes from; a recording once, with its channels in brackets."""
     channels: dict[str, list[str]] = {}
     for name in names:
         head, _, channel = name.partition(", ") if name.startswith("recording ") else (name, "", "")
@@ -131,7 +131,7 @@ def behind(names: Iterable[str]) -> str:
 
 
 def _ratio(check: Check) -> str:
-    """Return the test uncertainty ratio; of a value that is not a number it is not known, whatever was written down."""
+    """Return the test uncertainty ratio; it is unknown for a value that is not a number, whatever was recorded."""
     if check.value is None:
         return "not known" if check.limit.min is not None and check.limit.max is not None else ""
     return "" if check.tur is None else number(check.tur, 2)
@@ -208,7 +208,7 @@ def ids(ids: Sequence[str]) -> str:
 
 
 def _coverage(check: Check) -> str:
-    """Return what else is known of the uncertainty: its size in the limit's unit, or that it is unknown."""
+    """Return a remark on the uncertainty: its size in the limit's unit, or that it is unknown."""
     if not isinstance(check.value, int | float):
         return ""
     if check.uncertainty is None and check.expanded is None:

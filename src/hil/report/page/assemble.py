@@ -185,7 +185,7 @@ def _asked(run: Run, bench: Body) -> tuple[tuple[str, str], ...]:
 
 
 def _span(run: Run | None, lasted: str) -> str:
-    """Return how long a run lasted in bench time, and what that time was."""
+    """Return how long a run lasted in bench time, and what kind of time that was."""
     if run is None or not lasted or run.source is Source.HARDWARE:
         return lasted
     if run.live is None:
@@ -194,7 +194,7 @@ def _span(run: Run | None, lasted: str) -> str:
 
 
 def _instant(stamp: str) -> str:
-    """Return a stamp as a person reads it, to the second."""
+    """Return a timestamp in readable form, to the second."""
     return f"{stamp[:10]} {stamp[11:19]}" if len(stamp) > 19 else stamp
 
 
@@ -209,7 +209,7 @@ def _charts(placed: Sequence[Placed]) -> list[Chart]:
 
 
 def _told_once(found: Sequence[Happening], entries: Mapping[str, Body]) -> tuple[Happening, ...]:
-    """Return the incidents with one for all anomalies of requirements' sources, which stand beside the requirements."""
+    """Return the incidents, with anomalies in requirements' sources as one: they are listed with the requirements."""
     sources = [anomaly for entry in entries.values() if (anomaly := text(entry, "anomaly"))]
     known = [each for each in found if each.kind == "anomaly" and any(each.text.endswith(own) for own in sources)]
     if len(known) < 2:
@@ -252,7 +252,7 @@ def _requirement(entry: RequirementOutcome, catalogued: Body, names: Mapping[str
 
 
 def _broken(results: Outcome, names: Mapping[str, CaseName]) -> tuple[BrokenRow, ...]:
-    """Return why cases did not end well of which no check says it, the worst first; one row per verdict and reason."""
+    """Return the reasons of failed cases that no check explains, the worst first; one row per verdict and reason."""
     groups: dict[tuple[Verdict, tuple[str, ...]], list[CaseName]] = {}
     for case in results.cases:
         if not case.verdict.good and all(check.verdict.good for check in case.checks):
@@ -266,7 +266,7 @@ def _broken(results: Outcome, names: Mapping[str, CaseName]) -> tuple[BrokenRow,
 
 
 def _held(results: Outcome, names: Mapping[str, CaseName]) -> tuple[tuple[CaseName, str], ...]:
-    """Return when the bench was held in the course of cases that are not good: it may be why."""
+    """Return when the bench was held during cases that are not good, as a possible cause."""
     bad = [case for case in results.cases if not case.verdict.good]
     return tuple((names[case.case], sentence) for case in bad for sentence in holds(case))
 
@@ -303,27 +303,27 @@ def _case(place: int, entry: CaseOutcome, events: Sequence[Placed], graphics: tu
 
 
 def _tally(entry: CaseOutcome) -> str:
-    """Return how many checks of a case ended how, the worst first."""
+    """Return the number of checks of a case by verdict, the worst first."""
     counts = Counter(check.verdict for check in entry.checks)
     return ", ".join(f"{counts[word]} {word}" for word in reversed(Verdict) if counts[word])
 
 
 def _attempts(attempts: Sequence[AttemptOutcome]) -> str:
-    """Return how often a case was tried and how each ended; the ordinary one attempt needs no words."""
+    """Return how often a case was tried and how each attempt ended; empty for a single attempt."""
     if len(attempts) < 2:
         return ""
     return f"{len(attempts)} attempts: {', '.join(map(_attempt, attempts))}"
 
 
 def _attempt(attempt: AttemptOutcome) -> str:
-    """Return how an attempt ended; of one that was given up what it had read, too."""
+    """Return how an attempt ended; if it was given up, also what it had read."""
     if attempt.verdict is None and attempt.read:
         return f"not ended ({'; '.join(attempt.reasons)})"
     return attempt.verdict or "not ended"
 
 
 def _not_run(events: Sequence[Event], results: Outcome) -> tuple[tuple[str, str, str], ...]:
-    """Return case, title and reason of everything that was planned and did not run."""
+    """Return case, title and reason of every planned case that did not run."""
     said = {event.case: event.reason for event in events if isinstance(event, NotRun)}
     return tuple(
         (entry.case, entry.title, said.get(entry.case) or "; ".join(entry.reasons))
@@ -372,7 +372,7 @@ def _software(results: Outcome, software: Body, place: Body) -> tuple[Fact, ...]
 
 
 def _short(value: str) -> str:
-    """Return a value that fits a line; of a longer one, such as uncommitted changes, its size and hash."""
+    """Return a value that fits a line; for a longer one, such as uncommitted changes, its size and hash."""
     if len(value) <= _LONGEST and "\n" not in value:
         return value
     digest = hashlib.sha256(value.encode("utf-8", errors="surrogatepass")).hexdigest()

@@ -1,4 +1,4 @@
-"""What persons gave and were shown: documents with their digests, and pictures that the page shows itself."""
+"""What people provided and were shown: documents with their digests, and pictures that the page embeds."""
 
 from __future__ import annotations
 

@@ -63,7 +63,7 @@ _CUT_PATH, _NOT_TRIED = "cut path of ", "not tried: "
 
 @dataclass(frozen=True, slots=True)
 class Sentence:
-    """One sentence of what was done to a bench, and its UTC, ISO 8601, empty where nobody knows."""
+    """One sentence about what was done to a bench, and its UTC, ISO 8601, empty if unknown."""
 
     at: str
     text: str
@@ -114,7 +114,7 @@ def safe_off(events: Iterable[Event]) -> tuple[SafeRow, ...]:
 
 
 def people(run: Run | None, events: Sequence[Placed]) -> tuple[tuple[str, str], ...]:
-    """Return who took part, with what they did, sorted by name; a case that made a file is nobody."""
+    """Return who took part, with what they did, sorted by name; cases that made files are left out."""
     parts: dict[str, dict[str, None]] = {}
     cases = {each.case for each in events}
     told = [(run.operator, "operator"), (run.on_call or "", "on call")] if run else []
@@ -180,7 +180,7 @@ def guarded(lines: Iterable[Body]) -> Iterator[Happening]:
 def sentences(facts: Iterable[Body]) -> Iterator[Sentence]:
     """Yield what the guardian wrote down, and what a run did to its bench, in sentences.
 
-    Facts that say the same of several outputs, one after the other, are one sentence.
+    Consecutive facts that say the same about several outputs are one sentence.
 
     Args:
         facts: lines of the guardian's journal; events of a run with their UTC, and their kind as `event`.
@@ -246,7 +246,7 @@ def _made_safe(fact: Body, outputs: str) -> str:
 
 
 def _gates(gates: Iterable[Gate]) -> tuple[GateRow, ...]:
-    """Return a row for each gate; neighbours that say the same of several of a kind, such as limits, share one."""
+    """Return a row for each gate; neighbours that say the same about several of a kind, such as limits, share one."""
 
     def same(row: GateRow) -> tuple[str, bool, bool, str]:
         return row.name.partition(" ")[0], row.ok, row.tried, row.detail
@@ -265,7 +265,7 @@ def _gate(gate: Gate) -> GateRow:
 
 
 def _was_ended_by_force(events: Sequence[Event]) -> bool:
-    """Tell whether a guardian may have ended the run that is resumed with the first of these events.
+    """Return whether a guardian may have ended the run that is resumed with the first of these events.
 
     It is resumed once somebody has acknowledged that, which is written down next; one that was stopped with its bench
     safe is resumed without a word.
@@ -276,22 +276,22 @@ def _was_ended_by_force(events: Sequence[Event]) -> bool:
 
 
 def noted(text: str, by: str) -> str:
-    """Return what was said and who said it."""
+    """Return a note and its author."""
     return f"{text} ({by or 'by whom is not recorded'})"
 
 
 def answered(value: object) -> str:
-    """Return what was answered, as a person says it: `yes` for what is true."""
+    """Return an answer in words: `yes` for true."""
     return {True: "yes", False: "no"}[value] if isinstance(value, bool) else str(value)
 
 
 def attached(file: str, text: str, by: str) -> str:
-    """Return which file was attached, what is said of it, and who attached it."""
+    """Return which file was attached, its description, and who attached it."""
     return noted(f"{file}: {text}" if text else file, by)
 
 
 def _told(event: Event) -> tuple[str, str] | None:  # noqa: PLR0911, PLR0912, C901 - a row for each kind
-    """Return the kind of a happening and what is told of it; None for an event that is nothing out of the ordinary."""
+    """Return kind and text of an incident; None for an ordinary event."""
     match event:
         case Acknowledged():
             return "acknowledged", noted(event.text, event.by)

@@ -37,7 +37,7 @@ class _Node:
 
     @property
     def quiet(self) -> bool:
-        """Whether nothing happened in the step that a reader must see by itself: no question, no exception."""
+        """Whether nothing in the step needs a row of its own: no question, no exception."""
         alone = all(row.outcome == "done" and not row.exchanges and not row.attempt for row in self.rows)
         return alone and all(each.quiet for each in self.inner)
 
@@ -45,7 +45,7 @@ class _Node:
 def step_rows(events: Sequence[Placed]) -> tuple[StepRow, ...]:
     """Return the steps among the events of one case in the order in which they began, set-up and the like first.
 
-    Runs of steps that are alike are folded into one row; one that did not end well, or asked somebody, stands alone.
+    Runs of steps that are alike are folded into one row; one that did not end well, or asked a question, stands alone.
     """
     nodes = [
         _Node((_step(each, each.event, within),), _effects_of(within))
@@ -120,7 +120,7 @@ def _span(numbers: Sequence[str]) -> str:
 
 
 def _counted(effects: Iterable[Effect]) -> str:
-    """Return what was driven how often, and how often it was read, waited and asked."""
+    """Return the counts of driving calls, reads, waits and questions."""
     driven = Counter(effect.name for effect in effects if effect.effect == "drives")
     calls = [name if count == 1 else f"{name}() {count} times" for name, count in driven.items()]
     return "; ".join((*calls, *_others(effects)))
@@ -174,7 +174,7 @@ def _outside(events: Sequence[Placed]) -> StepRow:
 
 
 def _effects(within: Iterable[Placed]) -> str:
-    """Return what was driven, call by call, and how often it was read, waited and asked.
+    """Return the driving calls one by one, and the counts of reads, waits and questions.
 
     Many calls that differ in numbers alone are one entry at the place of the first: the sweep of a load has a call for
     each of its points, and the journal holds them all.

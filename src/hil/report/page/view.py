@@ -1,4 +1,4 @@
-"""What a report shows of one run: frozen, in reading order, every word and number already written out."""
+"""What a report shows of one run: frozen, in reading order, with every word and number in final form."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ class BrokenRow:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RequirementRow:
-    """One requirement that the run speaks of; `demands` are its limits and the like, a line each."""
+    """One requirement that the run covers; `demands` are its limits and the like, a line each."""
 
     result: RequirementOutcome
     parents: str
@@ -273,7 +273,7 @@ class WireRow:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GateRow:
-    """One readiness gate; one that could not be tried is not said to have held."""
+    """One readiness gate; one that could not be tried does not count as passed."""
 
     name: str
     ok: bool
@@ -283,7 +283,7 @@ class GateRow:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Arming:
-    """The gates of one arming in their order; the title tells which, and is empty where there was one only."""
+    """The gates of one arming in their order; the title says which, and is empty if there was only one."""
 
     title: str
     gates: tuple[GateRow, ...]
@@ -303,7 +303,7 @@ class SafeRow:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Happening:
-    """Something besides the procedure that a reader must know."""
+    """An incident outside the procedure that a reader must know."""
 
     at: str
     kind: str

@@ -1,4 +1,4 @@
-"""Instruments and wiring of a bench file as a person reads them."""
+"""Instruments and wiring of a bench file in readable form."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def _wire(entry: Body) -> WireRow:
 
 
 def _setting(key: str, value: object) -> str:
-    """Return a setting of the wiring as a person says it: `reduced: voltage 4.2, current 0.02; relay closed`."""
+    """Return a setting of the wiring in words: `reduced: voltage 4.2, current 0.02; relay closed`."""
     return f"{_words(key)}: {_said(value)}"
 
 
