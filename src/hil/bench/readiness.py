@@ -53,7 +53,7 @@ def unpowered_gates(bench: BoundBench, dut: Dut | None = None) -> Iterator[Gate]
         if path.watchdog:
             yield _watchdog(bench, path)
     if kept := stays_on(bench.spec):
-        yield Gate("if run and guardian end at once", ok=True, detail=_alone(kept))
+        yield Gate("if run and guardian end at once", ok=True, detail=_without_host(kept))
 
 
 def energised_gates(bench: BoundBench, dut: Dut | None) -> Iterator[Gate]:
@@ -106,7 +106,7 @@ def _identity(bench: BoundBench, instrument: InstrumentSpec, dut: Dut | None) ->
         found = bench.drivers[instrument.name].identify()
         difference = difference_of(instrument.identity, found) or _other_serial(instrument, found)
     except _GATE_FAILURES as error:
-        return Gate(name, ok=False, detail=_said(error))
+        return Gate(name, ok=False, detail=_message_of(error))
     if difference:
         return Gate(name, ok=False, detail=difference)
     expected = dut.recognised.get(instrument.name, "") if dut else ""
@@ -164,7 +164,7 @@ def _other_serial(instrument: InstrumentSpec, found: Identity) -> str:
     return f"the certificate of {registered.id} is for serial '{registered.serial}', found '{found.serial}'"
 
 
-def _said(error: Exception) -> str:
+def _message_of(error: Exception) -> str:
     return str(error) if isinstance(error, HilError) else f"{type(error).__name__} in the driver: {error}"
 
 
@@ -181,7 +181,7 @@ def _watchdog(bench: BoundBench, path: CutPath) -> Gate:
     return Gate(name, ok=True, detail=detail)
 
 
-def _alone(kept: Mapping[str, CutPath | None]) -> str:
+def _without_host(kept: Mapping[str, CutPath | None]) -> str:
     """Return what opens which output if the host is gone, and what stays on."""
     told = [f"{output} off within {path.within_s:g} s ({path.means})" for output, path in kept.items() if path]
     left = [output for output, path in kept.items() if path is None]
@@ -216,7 +216,7 @@ def _found_on(bench: BoundBench) -> Iterator[Gate]:
         try:
             on = [outlet.channel for outlet in driver.outlets() if outlet.on]
         except _GATE_FAILURES as error:
-            yield Gate(f"outputs of {name}", ok=False, detail=_said(error))
+            yield Gate(f"outputs of {name}", ok=False, detail=_message_of(error))
             continue
         stray = [channel for channel in on if (name, channel) not in safe_places and (name, 0) not in safe_places]
         if stray:
@@ -259,7 +259,7 @@ def _position(
         fed = [instrument for instrument in bench.spec.instruments if instrument.powered_by == wire.name]
         gates += [_identity(bench, instrument, dut) for instrument in fed]
     except _GATE_FAILURES as error:
-        gates.append(Gate(name, ok=False, detail=_said(error)))
+        gates.append(Gate(name, ok=False, detail=_message_of(error)))
     finally:
         moved = {wire.name, position.relays} if position else {wire.name}
         stayed = "; ".join(left_on([step for step in bench.spec.safe_off if step.output in moved], bench))

@@ -237,11 +237,11 @@ class _Line:
         if watch.toward is None:
             bounds = f"{watch.minimum:g} to {watch.maximum:g} {watch.unit}"
             return not self.beyond, f"{came}, {bounds} {'is' if self.beyond else 'was'} safe"
-        if self._comes(watch.toward):
+        if self._approaches(watch.toward):
             return True, came
         return False, f"{came}, and not toward {watch.toward:g} {watch.unit}: something still drives it"
 
-    def _comes(self, toward: float) -> bool:
+    def _approaches(self, toward: float) -> bool:
         before, now = self._farthest - toward, self._last - toward
         same_side = before * now > 0
         return abs(now) <= (self.watch.tolerance or 0.0) or (same_side and abs(now) <= _CLOSER * abs(before))

@@ -100,7 +100,7 @@ def post(
     moment = wall.utc_now()
     name = f"{re.sub('[^0-9]', '', moment)}-{secrets.token_hex(4)}"
     try:
-        file, sha256 = _bring(attach, folder / INBOX_FILES, name) if attach else ("", seen)
+        file, sha256 = _copy_in(attach, folder / INBOX_FILES, name) if attach else ("", seen)
         message = Message(
             kind=kind,
             by=by,
@@ -167,7 +167,7 @@ def _remove(path: Path) -> None:
         shutil.rmtree(path, ignore_errors=True)
 
 
-def _bring(attach: Path, files: Path, name: str) -> tuple[str, str]:
+def _copy_in(attach: Path, files: Path, name: str) -> tuple[str, str]:
     if not attach.is_file():
         raise Refused(f"{attach}: this is not a file", "attach one file at a time")
     if attach.stat().st_size > LARGEST_ATTACHMENT:

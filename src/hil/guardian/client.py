@@ -98,7 +98,7 @@ class Guardian:
             mine.close()
             raise _does_not_start(error) from error
         try:
-            guardian._give([*(descriptors[port.device] for port in plan.ports), *lock_descriptors])
+            guardian._pass_plan([*(descriptors[port.device] for port in plan.ports), *lock_descriptors])
             guardian._await("ready", _START_S)
         except (HilError, OSError) as error:
             guardian._end_process(_LEAVING_S)
@@ -221,13 +221,13 @@ class Guardian:
         until = time.monotonic() + limit_s
         while not self._poll.poll(max(min(until - time.monotonic(), _LOOK_S), 0) * 1000):
             if not self._watched:
-                self._look_up()
+                self._call_look()
             if time.monotonic() >= until:
                 raise GuardianLost("the guardian does not answer", _HINT)
         message = self._received()
         return {"kind": "nothing"} if message is None else message
 
-    def _look_up(self) -> None:
+    def _call_look(self) -> None:
         """Call `look`; if it raises, end the guardian, to which nothing was entrusted yet."""
         try:
             self._look()
@@ -256,7 +256,7 @@ class Guardian:
         except HungUp as error:
             raise GuardianLost("the guardian is gone", _HINT) from error
 
-    def _give(self, descriptors: Sequence[int]) -> None:
+    def _pass_plan(self, descriptors: Sequence[int]) -> None:
         """Pass the plan, as a file because it may be of any length, and the open descriptors."""
         if len(descriptors) + 2 > channel.MOST_DESCRIPTORS:
             raise HilError(f"{len(descriptors)} ports and leases are more than one packet can pass")

@@ -74,10 +74,10 @@ class Response:
             if time.monotonic() > began + _KEEPS_S:
                 break
             time.sleep(_BETWEEN_S)
-        self._go_on(began, killed=kill)
+        self._retry_until_safe(began, killed=kill)
         return not self._unproven()
 
-    def _go_on(self, began: float, *, killed: bool) -> None:
+    def _retry_until_safe(self, began: float, *, killed: bool) -> None:
         """Retry until everything is proven safe or somebody has acknowledged; the log does not grow.
 
         Args:

@@ -77,7 +77,7 @@ class Journal:
         self._full = self._reported = False
         self._writer = os.getpid(), threading.get_ident()
         if path.exists():
-            self._go_on()
+            self._continue_journal()
         self._descriptor = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
         sync_folder(path.parent)
 
@@ -176,12 +176,7 @@ class Journal:
     ) -> None:
         self.close()
 
-    def _tell_lost(self, t: float) -> None:
-        """Write down how many events found no space."""
-        self._append(Anomaly(text=_LOST.format(self._lost)), t, NOTHING)
-        self._lost = 0
-
-    def _go_on(self) -> None:
+    def _continue_journal(self) -> None:
         reading = read_journal(self._path)
         if reading.torn or reading.findings:
             first = reading.findings[0] if reading.findings else f"{self._path}: the last line is torn"

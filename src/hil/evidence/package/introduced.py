@@ -116,10 +116,10 @@ def _introduced(reading: JournalReading) -> Iterator[str]:
     yield from (f"{RECORDINGS}/{name}.h5" for name in state.recordings)
     yield from (f"{ATTACHMENTS}/{event.file}" for event in state.attachments)
     yield from (f"{ATTACHMENTS}/{given.file}" for given in state.given)
-    yield from _alone(reading.events)
+    yield from _with_own_event(reading.events)
 
 
-def _alone(events: Sequence[Event]) -> Iterator[str]:
+def _with_own_event(events: Sequence[Event]) -> Iterator[str]:
     """Yield the files that have an event of their own."""
     for event in events:
         match event:

@@ -181,7 +181,7 @@ class Rows:
                 self._past = self._path.open("rb")
                 self._past.seek(found.start)
             else:
-                self._go_on(found)
+                self._continue_file(found)
         self._descriptor = os.open(self._path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
         self._unsynced = True
         if not continued:
@@ -206,7 +206,7 @@ class Rows:
         os.truncate(self._path, found.start + found.rows * found.width * NUMBER)
         return found
 
-    def _go_on(self, found: RowsFile) -> None:
+    def _continue_file(self, found: RowsFile) -> None:
         for block in row_blocks(found):
             self._take(block)
         self._rows = found.rows

@@ -166,7 +166,7 @@ class CaseRun(OfThisProcess):
     def outcome(self) -> Outcome:
         """Return the verdict as it stands now."""
         reasons = (*([self._skipped] if self._skipped else []), *self._check_reasons())
-        problems = [*self._problems, *self._let_through()]
+        problems = [*self._problems, *self._suppressed()]
         problems += [f"Diverged: {self.effects.diverged}"] if self.effects.diverged else []
         failed = problems or self._bench_faults or self.scheduler.tripped
         counted = () if self.planned.repeatable else tuple(each.counts for each in self.given_up)
@@ -180,7 +180,7 @@ class CaseRun(OfThisProcess):
         reasons = tuple(dict.fromkeys([*([self._aborted] if self._aborted else []), *told]))
         return Outcome(verdict=case, requirements=requirements, reasons=reasons)
 
-    def _let_through(self) -> list[str]:
+    def _suppressed(self) -> list[str]:
         """Return what was refused, if the case's code suppressed all of it."""
         refused = (*self.check.refused, *self.operator.refused, *self._refused)
         return [writable(str(error)) for error in refused if not any(error is each for each in self._raised)]

@@ -227,7 +227,7 @@ class Checks(OfThisProcess):
         judgement = judge(found if isinstance(found, str) else _written(found, limit, standing.added), limit)
         status = found.status.value if isinstance(found, Figure) else ""
         if judgement.verdict is Verdict.INCONCLUSIVE and _too_coarse(judgement, limit):
-            judgement = replace(judgement, reason=self._placed(requirement, judgement.reason))
+            judgement = replace(judgement, reason=self._with_place(requirement, judgement.reason))
         if reason and not judgement.verdict.good:
             judgement = replace(judgement, reason=reason)
         missing = standing.provenance.uncovered if standing.provenance else ()
@@ -238,7 +238,7 @@ class Checks(OfThisProcess):
             judgement = replace(judgement, verdict=Verdict.INCONCLUSIVE, reason="; ".join(doubts))
         self._note(requirement, limit, of, judgement, status, doubts, standing)
 
-    def _placed(self, requirement: str, reason: str) -> str:
+    def _with_place(self, requirement: str, reason: str) -> str:
         """Return a reason, with the place of the requirement that sets the limit."""
         place = self._requirements[requirement].place
         return f"{reason} ({place.path}:{place.line})" if place.path else reason

@@ -180,7 +180,7 @@ class During:
         intake.await_row(condition)
         try:
             if intake.found is None:  # no row comes after the end of the device's own test
-                self._come(within, lambda: intake.found is not None or bool(turns.over))
+                self._wait_for(within, lambda: intake.found is not None or bool(turns.over))
         finally:
             intake.await_nothing()
         if intake.found is None:
@@ -193,7 +193,7 @@ class During:
     def _until_over(self, within: float) -> float:
         turns = self._taking.turns
         if not turns.over:
-            self._come(within, lambda: bool(turns.over))
+            self._wait_for(within, lambda: bool(turns.over))
         if not turns.over:
             last = self._taking.intake.last
             names = [channel.name for channel in self._taking.facts.channels]
@@ -202,7 +202,7 @@ class During:
             raise NotInTime(f"record '{self._name}': not over within {within:g} s, the newest row is: {newest}", _HINT)
         return self._scheduler.now_ns() / NANOSECONDS
 
-    def _come(self, within: float, done: Callable[[], bool]) -> None:
+    def _wait_for(self, within: float, done: Callable[[], bool]) -> None:
         """Wait until rows show it; rows that arrived in time but await their turn are fetched at the end."""
         self._scheduler.wait_until(self._scheduler.now_ns() + round(within * NANOSECONDS), done)
         if not done():

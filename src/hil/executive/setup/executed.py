@@ -80,20 +80,20 @@ class Executed:
 
     def last_problems(self) -> tuple[str, ...]:
         """Return why executed code is unknown, including the product and its dependencies, a sentence each."""
-        self._hear()
+        self._collect()
         changed = ["hil was changed while the run lasted"] if product_source() != self._product else []
         found = (*self._problems(self._files()), *self._replaced_parts(), *self._strange_libraries())
         return self._new([*found, *changed])
 
     def packages(self) -> tuple[str, ...]:
         """Return the packages whose code was executed, sorted, except hil and its dependencies."""
-        self._hear()
+        self._collect()
         names = {self._installed.package_of(file) for file in self._files() if not self._is_needed(file)}
         return tuple(sorted(names - {""}))
 
     def _of_others(self) -> tuple[str, ...]:
         """Return what is wrong with third-party files executed since the last call."""
-        self._hear()
+        self._collect()
         files = [file for file in self._files() if file not in self._seen]
         self._seen.update(files)
         return (*self._problems(file for file in files if not self._is_needed(file)), *self._strange_libraries())
@@ -151,7 +151,7 @@ class Executed:
         self._reported.update(found)
         return found
 
-    def _hear(self) -> None:
+    def _collect(self) -> None:
         """Add what was executed since."""
         heard = auditing.executed(self._heard)
         self._heard += len(heard)

@@ -49,7 +49,7 @@ def plan_of(bench: BoundBench, folder: Path, leases: Sequence[str]) -> GuardPlan
         CutOutput(output=name, cut_by=tuple(by for by in _cut_by(spec, name) if by in by_bytes), why=why)
         for name, why in without.items()
     )
-    _must_cover(bench, cut)
+    _require_covered(bench, cut)
     devices = {output.device for output in outputs}
     return GuardPlan(
         bench=spec.name,
@@ -113,7 +113,7 @@ def _cut_by(spec: BenchSpec, output: str) -> tuple[str, ...]:
     return tuple(path.by for path in spec.cut_paths if path.output == output and path.by)
 
 
-def _must_cover(bench: BoundBench, cut: Sequence[CutOutput]) -> None:
+def _require_covered(bench: BoundBench, cut: Sequence[CutOutput]) -> None:
     problems = list(_uncovered(bench, cut))
     if problems:
         raise Refused(

@@ -221,7 +221,7 @@ class Inhibitor:
                 stderr=subprocess.DEVNULL,
                 start_new_session=True,
             )
-            self._hear(self._process)
+            self._await_line(self._process)
         except (OSError, ValueError, NotHeldOff) as error:
             os.close(writer)
             self.close()
@@ -230,7 +230,7 @@ class Inhibitor:
             os.close(reader)
         return writer
 
-    def _hear(self, process: subprocess.Popen[bytes]) -> None:
+    def _await_line(self, process: subprocess.Popen[bytes]) -> None:
         """Wait for the line by which the command reports that it inhibits."""
         if process.stdout is None:
             return

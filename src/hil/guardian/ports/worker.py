@@ -74,15 +74,15 @@ class PortWorker:
 
     def off(self, code: SafeBytes, patience: Patience) -> Future[Outcome]:
         """Send all commands, whatever the replies are."""
-        return self._ask(lambda: self._there().off(code, patience))
+        return self._ask(lambda: self._open_dialogue().off(code, patience))
 
     def prove(self, code: SafeBytes) -> Future[Outcome]:
         """Query whether the output is safe."""
-        return self._ask(lambda: self._there().prove(code))
+        return self._ask(lambda: self._open_dialogue().prove(code))
 
     def settle(self, code: SafeBytes) -> Future[Outcome]:
         """Wait until no reply can still be on its way, and discard what came."""
-        return self._ask(lambda: self._there().settle(code))
+        return self._ask(lambda: self._open_dialogue().settle(code))
 
     def close(self) -> None:
         """End the present wait and the thread, and close the descriptor."""
@@ -98,7 +98,7 @@ class PortWorker:
 
     def _recognise(self, code: SafeBytes) -> str:
         if code.who is not None and not self._who:
-            self._who = self._there().told(code.who)
+            self._who = self._open_dialogue().told(code.who)
         return ""
 
     def _ask(self, job: Callable[[], str]) -> Future[Outcome]:
@@ -136,7 +136,7 @@ class PortWorker:
                 self._talk = self._reopened(code)
             except (OSError, ValueError) as error:
                 self._why_gone = str(error)
-        self._there().begin(code, patience)
+        self._open_dialogue().begin(code, patience)
         return ""
 
     def _reopened(self, code: SafeBytes) -> Dialogue:
@@ -162,7 +162,7 @@ class PortWorker:
         if said != self._who:
             raise OSError(errno.ENODEV, f"{_stranger(said)} at {self.port.url}, which was {_shown(self._who)}")
 
-    def _there(self) -> Dialogue:
+    def _open_dialogue(self) -> Dialogue:
         if self._talk is None:
             raise Gone(self._why_gone)
         return self._talk
