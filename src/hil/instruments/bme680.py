@@ -1,8 +1,8 @@
 """Bosch BME680 on an I2C bus, as a reference thermometer: humidity, pressure and gas are not measured.
 
-Registers and the compensation of the temperature: the data sheet (BST-BME680-DS001) as public drivers have it (Bosch,
-Pimoroni). Each article has coefficients of its own, from the factory, without which its numbers mean nothing. The
-heater for gas would warm the thermometer, and stays off.
+Registers and temperature compensation: data sheet BST-BME680-DS001, as implemented by public drivers (Bosch,
+Pimoroni). Each unit has factory calibration coefficients, without which its raw counts mean nothing. The gas heater
+would warm the thermometer, so it stays off.
 """
 
 from __future__ import annotations
@@ -30,25 +30,25 @@ _T1, _T2 = 0xE9, 0x8A  # the third follows the second
 _NEW, _MEASURING = 0x80, 0x20
 _HEATER_OFF, _FORCED, _SOFT_RESET = 0x08, 0x01, 0xB6
 _RESET_S = 0.005
-_NONE = 0x80000  # what stands there where the temperature was not measured
+_NONE = 0x80000  # register content while the temperature measurement is skipped
 _AVERAGES = {1.0: 1, 2.0: 2, 4.0: 3, 8.0: 4, 16.0: 5}
 _FILTERS = {0.0: 0, 1.0: 1, 3.0: 2, 7.0: 3, 15.0: 4, 31.0: 5, 63.0: 6, 127.0: 7}
 _CONVERSION_S, _OVERHEAD_S, _MARGIN_S = 0.001963, 0.0053, 0.05
 _POLLS = 4
 _LOWEST, _HIGHEST = -40.0, 85.0
-_TYPICAL_NOISE = 10.0  # counts rms of one conversion that is averaged 16 times
+_TYPICAL_NOISE = 10.0  # counts rms of one conversion at 16x oversampling
 
 
 @dataclass(frozen=True, slots=True)
 class Coefficients:
-    """What the factory found of one article's thermometer: par_t1 to par_t3."""
+    """Factory calibration of one unit's thermometer: par_t1 to par_t3."""
 
     t1: int
     t2: int
     t3: int
 
     def celsius(self, counts: int) -> float:
-        """Return the temperature in degC of 20 bits, by the data sheet's formula in floating point."""
+        """Return the temperature in degC for a 20-bit reading, by the data sheet's floating-point formula."""
         first = (counts / 16384.0 - self.t1 / 1024.0) * self.t2
         second = (counts / 131072.0 - self.t1 / 8192.0) ** 2 * self.t3 * 16.0
         return (first + second) / 5120.0
@@ -56,14 +56,14 @@ class Coefficients:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bme680Settings:
-    """What a wire may set: conversions that are averaged, and the filter's coefficient, 0 for no filter."""
+    """Wire settings: number of conversions averaged, and the filter coefficient, 0 for no filter."""
 
     averages: Annotated[float, measured(choices=tuple(_AVERAGES))] = 16.0
     filter: Annotated[float, measured(choices=tuple(_FILTERS))] = 0.0
 
 
 class Bme680Thermometer(Sensor):
-    """One sensor; fills the role `thermometer`. It measures when it is asked, and sleeps in between."""
+    """One sensor in forced mode; fills the role `thermometer`. It measures on request, and sleeps in between."""
 
     chip: ClassVar[Chip] = Chip(
         model="BME680",
@@ -87,7 +87,7 @@ class Bme680Thermometer(Sensor):
         self._stillness = Stillness(self._device, Scale(per_unit=1.0), self._noise)
 
     def _wake(self) -> None:
-        """Reset the sensor, read its coefficients, set it up, read all back, and measure once."""
+        """Reset the sensor, read its coefficients, configure it, read the settings back, and measure once."""
         self._registers.write(_RESET, _SOFT_RESET)
         self._clock.sleep(_RESET_S)
         self._coefficients = self._read_coefficients()
@@ -97,14 +97,14 @@ class Bme680Thermometer(Sensor):
         self._sample()
 
     def _sleep(self) -> None:
-        """Leave it asleep, and read that back."""
+        """Put the sensor to sleep, and read that back."""
         self._registers.set({_MEASURE: 0})
         self._registers.expect({_MEASURE: 0})
 
     def _sample(self) -> tuple[float, ...]:
-        """Let it measure, and wait until it has."""
+        """Trigger one measurement, and wait for its result."""
         self._registers.write(_MEASURE, self._measure | _FORCED)
-        self._clock.sleep(self._longest)  # before that, the flag may be the last one's
+        self._clock.sleep(self._longest)  # until then the flag may be the previous measurement's
         longest = 2.0 * self._longest + _MARGIN_S
         fault = (f"no new sample within {longest:.3g} s", "look at its power; after a power cut start it again")
         self._wait_for(self._is_ready, longest, self._longest / _POLLS, fault)
@@ -120,7 +120,7 @@ class Bme680Thermometer(Sensor):
         return bool(status & _NEW) and not status & _MEASURING
 
     def _read_coefficients(self) -> Coefficients:
-        """Read them twice: nothing else would tell one that came wrong."""
+        """Read the coefficients twice: they have no checksum that would show a transfer error."""
         one, other = ((self._registers.block(_T1, 2), self._registers.block(_T2, 3)) for _ in range(2))
         first, rest = one
         found = Coefficients(

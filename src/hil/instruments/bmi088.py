@@ -1,12 +1,12 @@
-"""Bosch BMI088 on an I2C bus: an accelerometer and a gyroscope, two dies with an address each.
+"""Bosch BMI088 on an I2C bus: accelerometer and gyroscope, two dies with one address each.
 
 Registers and scales: the vendor's driver (boschsensortec/BMI08x_SensorAPI: bmi08_defs.h, bmi08a.c, bmi08g.c) and
-instruments that were read with it; bandwidths of the accelerometer and noise densities are from memory of the data
-sheet (BST-BMI088-DS001). Filters are taken for Butterworth filters of second order.
+devices read with it; accelerometer bandwidths and noise densities are from memory of the data sheet
+(BST-BMI088-DS001). Filters are modelled as second-order Butterworth filters.
 
-Two traps are avoided. The accelerometer starts suspended, and the only thermometer is on its die: so whoever wakes the
-gyroscope wakes that die, too. And the temperature is a number of 11 bits at the upper end of two bytes, the high byte
-first, in steps of 1/8 K from 23 degC.
+Two pitfalls are avoided. The accelerometer powers up suspended, and the only thermometer is on its die, so waking the
+gyroscope wakes that die too. The temperature is an 11-bit number, left-aligned in two bytes, high byte first, in steps
+of 1/8 K from 23 degC.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ _RATE_DATA, _FIFO_STATUS = 0x02, 0x0E
 _GYRO_RANGE, _GYRO_BANDWIDTH, _GYRO_LPM1, _GYRO_SOFTRESET = 0x0F, 0x10, 0x11, 0x14
 _GYRO_INT_CTRL, _INT3_INT4_IO_CONF, _INT3_INT4_IO_MAP, _FIFO_WM_ENABLE = 0x15, 0x16, 0x18, 0x1E
 _FIFO_CONFIG_0, _FIFO_CONFIG_1, _FIFO_DATA = 0x3D, 0x3E, 0x3F
-_BANDWIDTH_ONE = 0x80  # this bit is always read as 1
+_BANDWIDTH_ONE = 0x80  # this bit always reads as 1
 _NORMAL, _SUSPENDED = 0x00, 0x80
 _BYPASS, _STREAM = 0x00, 0x80
 _FRAMES, _OVERRUN = 0x7F, 0x80
@@ -72,7 +72,7 @@ _HALF = 32768
 _RAILS = (-_HALF, _HALF - 1)
 
 _CELSIUS = Scale(per_unit=256.0, zero=23.0, rails=(((-45 - 23) * 256), ((95 - 23) * 256)))
-"""The package's temperature, for which it is made from -40 to 85 degC; 8000h says that there is none."""
+"""Temperature of the package, rated from -40 to 85 degC; 8000h marks an invalid reading."""
 
 
 def _decoded(data: bytes) -> Packets:
@@ -85,7 +85,7 @@ def _prepared(watermark: int) -> Mapping[int, int]:
 
 
 def _filling(interrupt: bool) -> Mapping[int, int]:
-    del interrupt  # the host looks how far it is
+    del interrupt  # the host polls the fill level
     return {_FIFO_CONFIG_1: _STREAM}
 
 
@@ -108,17 +108,17 @@ FIFO = Fifo(
     off={_FIFO_CONFIG_1: _BYPASS},
     decode=_decoded,
 )
-"""The gyroscope's: a hundred packets of three axes."""
+"""The gyroscope's FIFO: a hundred packets of three axes."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bmi088GyroscopeSettings:
-    """What the gyroscope's wire may set.
+    """Wire settings of the gyroscope.
 
     Attributes:
         range: [deg/s].
-        rate: of samples [Hz].
-        bandwidth: at -3 dB [Hz], None for the widest one at that rate.
+        rate: sampling rate [Hz].
+        bandwidth: -3 dB bandwidth [Hz], None for the widest at that rate.
     """
 
     range: Annotated[float, measured("deg/s", choices=tuple(_RATES_OF_TURN))] = 2000.0
@@ -128,14 +128,14 @@ class Bmi088GyroscopeSettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bmi088AccelerometerSettings:
-    """What the accelerometer's wire may set: range [g], and rate of samples [Hz]."""
+    """Wire settings of the accelerometer: range [g] and sampling rate [Hz]."""
 
     range: Annotated[float, measured("g", choices=tuple(_ACCELERATIONS))] = 24.0
     rate: Annotated[float, measured("Hz", choices=tuple(_ACC_FILTERS))] = 100.0
 
 
 class Bmi088Accelerometer(Axes):
-    """The accelerometer, and the thermometer of the package."""
+    """The accelerometer, with the package's thermometer."""
 
     chip: ClassVar[Chip] = Chip(
         model="BMI088",
@@ -168,7 +168,7 @@ class Bmi088Accelerometer(Axes):
         super().__init__(registers, clock, wire, sampling)
 
     def _wake(self) -> None:
-        """Reset the die, unless the gyroscope has its temperature from it; resume it, set it up, read all back."""
+        """Reset the die unless the gyroscope reads its temperature there; resume, configure, read the settings back."""
         if not self._others_run():
             self._registers.write(_ACC_SOFTRESET, _SOFT_RESET)
             self._clock.sleep(_ACC_RESET_S)
@@ -178,13 +178,13 @@ class Bmi088Accelerometer(Axes):
         self._wait_until_valid(_ACC_START_S, f"{_ACC_START_S} s after the accelerometer was switched on")
 
     def _sleep(self) -> None:
-        """Suspend the die and read that back, unless the gyroscope has its temperature from it."""
+        """Suspend the die and read that back, unless the gyroscope reads its temperature there."""
         if not self._others_run():
             self._registers.put(_ACC_OFF)
 
 
 class Bmi088Gyroscope(FifoSensor):
-    """The gyroscope. Its temperature is that of the accelerometer's die."""
+    """The gyroscope. Its temperature is read from the accelerometer's die."""
 
     chip: ClassVar[Chip] = Chip(
         model="BMI088",
@@ -233,7 +233,7 @@ class Bmi088Gyroscope(FifoSensor):
         return self._registers.other or self._registers
 
     def _wake(self) -> None:
-        """Reset the die and set it up, wake the other one for its temperature, read all back, and wait for data."""
+        """Reset and configure the die, wake the other die for the temperature, read all back, and wait for data."""
         chip = Bmi088Accelerometer.chip
         if (name := chip.name_of(self._thermal)) != chip.identity[1]:
             raise WrongIdentity(
@@ -252,14 +252,14 @@ class Bmi088Gyroscope(FifoSensor):
         self._wait_until_valid(_ACC_START_S, f"{_GYRO_START_S} s after the gyroscope was set")
 
     def _sleep(self) -> None:
-        """Suspend this die, and the other one unless the accelerometer runs; read that back."""
+        """Suspend this die, and the other die unless the accelerometer runs; read that back."""
         self._registers.put({_GYRO_LPM1: _SUSPENDED})
         if not self._others_run():
             self._thermal.put(_ACC_OFF)
 
 
 class Bmi088(SensorDriver):
-    """Driver `bmi088`: roles `accelerometer`, `gyroscope` and `thermometer`, over a bus of the host or of an OBC.
+    """Driver `bmi088`: roles `accelerometer`, `gyroscope` and `thermometer`, on a bus of the host or of an OBC.
 
     `address` is that of the accelerometer's die, `second_address` that of the gyroscope's.
     """

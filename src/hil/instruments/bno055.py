@@ -1,10 +1,10 @@
-"""Bosch BNO055 gyroscope, accelerometer and magnetometer on an I2C bus, in its modes without fusion.
+"""Bosch BNO055 gyroscope, accelerometer and magnetometer on an I2C bus, in its non-fusion modes.
 
-Registers, modes and their switching times: data sheet BST-BNO055-DS000-14; rates of the magnetometer, bandwidths and
-TEMP_SOURCE from memory of it. It has no FIFO and no flag for a new sample. Settings are taken in CONFIGMODE only, and
-without fusion nothing is compensated. The sensor holds the clock for long, and not every controller waits (that of the
-Raspberry Pi does not: raspberrypi/linux 254, 4884), so that a sample is read in one transfer together with the
-registers after it: units and mode must be those that were set. On the bus of an OBC the board's timer does that.
+Registers, modes and mode-switching times: data sheet BST-BNO055-DS000-14; magnetometer rates, bandwidths and
+TEMP_SOURCE are from memory of it. The chip has no FIFO and no data-ready flag. It accepts settings in CONFIGMODE only,
+and without fusion compensates nothing. It stretches the clock for long, and not every controller allows that (the
+Raspberry Pi's does not: raspberrypi/linux 254, 4884), so a sample is read in one transfer together with the registers
+that follow it: units and mode must be as set. On an OBC's bus the board's timer does the reading.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ _CELSIUS = Scale(per_unit=1.0, rails=(-41, 86))
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GyroscopeSettings:
-    """What a wire may set: range [deg/s] and bandwidth at -3 dB [Hz]."""
+    """Wire settings: range [deg/s] and -3 dB bandwidth [Hz]."""
 
     range: Annotated[float, measured("deg/s", choices=_GYRO_RANGES)] = 2000.0
     bandwidth: Annotated[float, measured("Hz", choices=_GYRO_CUT_OFFS)] = 32.0
@@ -79,7 +79,7 @@ class GyroscopeSettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AccelerometerSettings:
-    """What a wire may set: range [g] and bandwidth at -3 dB [Hz]."""
+    """Wire settings: range [g] and -3 dB bandwidth [Hz]."""
 
     range: Annotated[float, measured("g", choices=_ACCEL_RANGES)] = 16.0
     bandwidth: Annotated[float, measured("Hz", choices=_ACCEL_CUT_OFFS)] = 62.5
@@ -87,7 +87,7 @@ class AccelerometerSettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MagnetometerSettings:
-    """What a wire may set: rate [Hz]."""
+    """Wire settings: sampling rate [Hz]."""
 
     rate: Annotated[float, measured("Hz", choices=_MAG_RATES)] = 20.0
 
@@ -106,7 +106,7 @@ def _chip(role: str) -> Chip:
 
 
 def _sampling(per_unit: float, full_scale: float, *, rate: float, density: float, bandwidth: float) -> Sampling:
-    """Return how a sensor samples, whose readings stop at the ends of its range."""
+    """Return the sampling of a sensor whose readings saturate at the ends of its range."""
     rail = round(full_scale * per_unit)
     return Sampling(
         rate=rate,
@@ -121,12 +121,12 @@ def _sampling(per_unit: float, full_scale: float, *, rate: float, density: float
 
 
 class _Bno055(TimedSensor):
-    """One of its sensors. All that are wired are set when the first of them starts; another one only joins in."""
+    """One of the chip's sensors. The first to start configures every wired one; later ones only join in."""
 
     own: Mapping[int, int]
 
     def _identify(self) -> None:
-        """Ask for its name; it answers 650 ms after power-on only."""
+        """Read the chip's ID; it answers only from 650 ms after power-on."""
         deadline = self._clock.now() + _BOOT_S
         while True:
             try:
@@ -137,7 +137,7 @@ class _Bno055(TimedSensor):
             self._clock.sleep(_POLL_S)
 
     def _wake(self) -> None:
-        """Set the chip in CONFIGMODE unless another sensor in it runs, read all back, and let samples come."""
+        """Configure the chip in CONFIGMODE unless another of its sensors runs, read all back, and start sampling."""
         if not self._others_run():
             self._switch(_CONFIG, _TO_CONFIG_S)
             wanted = dict(_COMMON)
@@ -146,19 +146,19 @@ class _Bno055(TimedSensor):
             wanted |= self.own
             self._registers.put(wanted)
             self._switch(self._mode, _FROM_CONFIG_S)
-        self._rejudge()
-        self._clock.sleep(2.0 * self._sampling.period)  # nothing says that a sample is there
+        self._reset_stillness()
+        self._clock.sleep(2.0 * self._sampling.period)  # there is no data-ready flag
         self._read_outputs()
 
     def _sleep(self) -> None:
-        """Suspend the chip unless another sensor in it runs, and read that back."""
+        """Suspend the chip unless another of its sensors runs, and read that back."""
         if not self._others_run():
             self._switch(_CONFIG, _TO_CONFIG_S)
             self._registers.put({Register.PWR_MODE: _SUSPENDED})
 
     @property
     def _mode(self) -> int:
-        """The mode with the sensors that are wired: `maggyro`, or with the accelerometer `amg`."""
+        """The operating mode for the wired sensors: `maggyro`, or `amg` with the accelerometer."""
         return _AMG if "accelerometer" in {*self.beside, self.chip.role} else _MAGGYRO
 
     def _switch(self, mode: int, seconds: float) -> None:
@@ -167,7 +167,7 @@ class _Bno055(TimedSensor):
         self._registers.expect({Register.OPR_MODE: mode})
 
     def _read_outputs(self) -> tuple[int, tuple[int, ...]]:
-        """Read axes, temperature, and what must follow them, in one transfer."""
+        """Read axes, temperature and the status registers that follow them in one transfer."""
         outputs = self._outputs()
         data = self._registers.long(outputs.first, outputs.length)
         self._judge(data)
@@ -186,7 +186,7 @@ class _Bno055(TimedSensor):
         )
 
     def _judge(self, data: bytes) -> None:
-        """Raise what is wrong with the sensor, by what follows axes and temperature."""
+        """Raise the fault that the registers after axes and temperature show."""
         first = self.axes_at
         status, error, units, _, mode = data[Register.SYS_STATUS - first :]
         if (mode, units) == (_CONFIG, _UNITS_AFTER_RESET):
@@ -207,7 +207,7 @@ class _Bno055(TimedSensor):
 
 
 class Bno055Gyroscope(_Bno055):
-    """Its gyroscope, not compensated."""
+    """The chip's gyroscope, uncompensated."""
 
     chip: ClassVar[Chip] = _chip("gyroscope")
     measures: ClassVar[tuple[Channel, ...]] = three_axes("deg/s")
@@ -223,7 +223,7 @@ class Bno055Gyroscope(_Bno055):
 
 
 class Bno055Accelerometer(_Bno055):
-    """Its accelerometer."""
+    """The chip's accelerometer."""
 
     chip: ClassVar[Chip] = _chip("accelerometer")
     measures: ClassVar[tuple[Channel, ...]] = three_axes("m/s2")
@@ -239,7 +239,7 @@ class Bno055Accelerometer(_Bno055):
 
 
 class Bno055Magnetometer(_Bno055):
-    """Its magnetometer, not compensated."""
+    """The chip's magnetometer, uncompensated."""
 
     chip: ClassVar[Chip] = _chip("magnetometer")
     measures: ClassVar[tuple[Channel, ...]] = three_axes("uT")
@@ -253,9 +253,9 @@ class Bno055Magnetometer(_Bno055):
 
 
 class Bno055(SensorDriver):
-    """Driver `bno055`: roles `gyroscope`, `accelerometer`, `magnetometer`, and `thermometer` for its temperature.
+    """Driver `bno055`: roles `gyroscope`, `accelerometer`, `magnetometer`, and `thermometer` for the die temperature.
 
-    A wire may set `range` (deg/s or g) and `bandwidth` (-3 dB, Hz), that of the magnetometer `rate` (Hz).
+    A wire may set `range` (deg/s or g) and `bandwidth` (-3 dB, Hz), and for the magnetometer `rate` (Hz).
     """
 
     roles: ClassVar[frozenset[str]] = frozenset({"gyroscope", "accelerometer", "magnetometer", "thermometer"})

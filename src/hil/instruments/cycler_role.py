@@ -1,4 +1,4 @@
-"""The role of a battery cycler: it tests by itself, and says what it does."""
+"""Role of a battery cycler, which runs its test autonomously and reports on it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["Cycler"]
 
 
 class Cycler(Streamed, Protocol):
-    """A device that runs charge and discharge half-cycles of a battery by itself, and measures while it does.
+    """A device that runs charge and discharge half-cycles of a battery autonomously, and measures meanwhile.
 
     Channels: voltage in V, current in A (positive into the battery), energy in W.h since the half-cycle began,
     temperature in degC, phase (1 charge, -1 discharge, 0 neither) and cycle (counted from 1, 0 before the first).
@@ -35,35 +35,35 @@ class Cycler(Streamed, Protocol):
         time: Annotated[float, "s"] | None = None,
         charge: Annotated[float, "A.h"] | None = None,
     ) -> None:
-        """Acknowledge what ended the last test, and set what the next one is to be.
+        """Acknowledge the end of the last test, and configure the next one.
 
-        What is not given has the device's default. A device that cannot honour a setting refuses it, and says what it
-        does instead.
+        Settings not given take the device's defaults. A device that cannot honour a setting refuses it, and says what
+        it does instead.
 
         Args:
-            cycles: a charge and a discharge each.
-            rest: after each half-cycle but the last [s].
-            vfull: voltage from which on a small current ends a charge [V].
-            iend: the current that ends a charge [A].
-            vend: the voltage that ends a discharge [V].
-            vmax: limit of the device's own [V].
-            vmin: limit of the device's own [V].
-            imax: limit of the device's own, both directions [A].
-            tmax: limit of the device's own [degC].
-            tmin: limit of the device's own [degC].
-            time: limit of a half-cycle [s].
-            charge: limit of a half-cycle [A.h].
+            cycles: number of cycles, a charge and a discharge each.
+            rest: pause after each half-cycle but the last [s].
+            vfull: voltage above which a current below `iend` ends a charge [V].
+            iend: end-of-charge current [A].
+            vend: end-of-discharge voltage [V].
+            vmax: over-voltage limit of the device [V].
+            vmin: under-voltage limit of the device [V].
+            imax: over-current limit of the device, both directions [A].
+            tmax: over-temperature limit of the device [degC].
+            tmin: under-temperature limit of the device [degC].
+            time: limit on the duration of a half-cycle [s].
+            charge: limit on the charge of a half-cycle [A.h].
         """
         ...
 
     @begins
     def start(self) -> None:
-        """Begin the test that was prepared."""
+        """Start the prepared test."""
         ...
 
     @drives
     def stop(self) -> None:
-        """Open both relays, whatever runs; it is read back."""
+        """Open both relays, whatever is running; the outcome is read back."""
         ...
 
     @reads
@@ -78,20 +78,20 @@ class Cycler(Streamed, Protocol):
 
     @reads
     def voltage(self) -> Annotated[Figure, "V"]:
-        """Return the newest voltage of the battery in V; NoReply if there is none that is new."""
+        """Return the newest battery voltage in V; NoReply if there is no recent reading."""
         ...
 
     @reads
     def current(self) -> Annotated[Figure, "A"]:
-        """Return the newest current into the battery in A; NoReply if there is none that is new."""
+        """Return the newest current into the battery in A; NoReply if there is no recent reading."""
         ...
 
     @reads
     def temperature(self) -> Annotated[Figure, "degC"]:
-        """Return the newest temperature of the battery in degC; NoReply if there is none that is new."""
+        """Return the newest battery temperature in degC; NoReply if there is no recent reading."""
         ...
 
     @reads
     def time_uncertainty(self) -> Annotated[Figure, "s"]:
-        """Return how well the times of the rows are known against the bench's clock at their beginning, in s."""
+        """Return the standard uncertainty in s of the row times against bench time, as at the start of the stream."""
         ...

@@ -1,4 +1,4 @@
-"""What every driver is: made from a connection, it identifies its instrument and fills roles."""
+"""Interface of drivers: made from a connection, a driver identifies its instrument and fills roles."""
 
 from __future__ import annotations
 
@@ -32,18 +32,18 @@ __all__ = [
 ]
 
 ANY_BYTE = "any-byte"
-"""A capability: a protocol in which every value of a byte occurs, so that a line may keep none for itself."""
+"""Capability: a binary protocol that uses every byte value, so the line must not reserve any."""
 
 TERMINATED = "terminated"
-"""A capability: lines of text, and the bench file may say what ends them."""
+"""Capability: a text protocol whose line terminator the bench file may set."""
 
 OVER_VOLTAGE_LEVEL = "over-voltage-level"
-"""A capability: a supply whose over-voltage protection has a level of its own, apart from the voltage that is set."""
+"""Capability: a supply whose over-voltage protection has a level independent of the voltage setpoint."""
 
 
 @dataclass(frozen=True, slots=True)
 class Outlet:
-    """One output as arm finds it: the channel (0 for the whole instrument) and whether it is on."""
+    """State of one output at arm: its channel (0 for the whole instrument) and whether it is on."""
 
     channel: int
     on: bool
@@ -51,11 +51,11 @@ class Outlet:
 
 @dataclass(frozen=True, slots=True)
 class Strap:
-    """How one address of a device on a bus is chosen.
+    """How one bus address of a device is selected.
 
     Attributes:
-        pin: that sets it, empty where it cannot be chosen.
-        addresses: that there are, the usual one first; none where they are not known.
+        pin: the pin that selects it, empty where it is fixed.
+        addresses: the possible addresses, the usual one first; empty where unknown.
     """
 
     pin: str
@@ -63,7 +63,7 @@ class Strap:
 
 
 class Clamps:
-    """The clamps on one instrument's outputs; asked with every setting before its bytes leave.
+    """Clamps on one instrument's outputs, applied to every setting before its bytes leave.
 
     Args:
         clamps: per channel, the clamps of the wires on it.
@@ -73,7 +73,7 @@ class Clamps:
         self._clamps = clamps or {}
 
     def permit(self, channel: int, quantity: str, value: float) -> None:
-        """Return if the setting is allowed; raise ClampExceeded otherwise, NaN always."""
+        """Raise ClampExceeded if the setting is not allowed; NaN never is."""
         for clamp in self._clamps.get(channel, ()):
             if clamp.quantity == quantity and not clamp.minimum <= value <= clamp.maximum:
                 raise ClampExceeded(
@@ -83,7 +83,7 @@ class Clamps:
                 )
 
     def bounds(self, channel: int, quantity: str) -> tuple[float, float]:
-        """Return the least and the most that every clamp of a quantity allows, infinite if there is none."""
+        """Return the tightest lower and upper bounds of all clamps on a quantity, infinite if there is none."""
         clamps = [clamp for clamp in self._clamps.get(channel, ()) if clamp.quantity == quantity]
         least = max((clamp.minimum for clamp in clamps), default=-math.inf)
         return least, min((clamp.maximum for clamp in clamps), default=math.inf)
@@ -96,15 +96,15 @@ class Connection:
     Attributes:
         device: the instrument's name.
         clock: the bench's clock.
-        clamps: what its outputs may be told.
+        clamps: the clamps on its outputs.
         port: its byte stream, None if it is on a bus.
         bus: its bus.
         address: on the bus, or of the unit on a shared line.
-        second_address: on the bus, of the chip's second die; 0 for its usual one.
-        timeout: how long one of its replies may take [s]; the driver and the guardian keep to the same limit.
-        terminator: what ends a line, where the bench file says it; drivers that offer `TERMINATED` look at it.
-        names_asked: whether sensors are asked for their names between samples; not where an older record answers.
-        sparing: whether sensors are read in as few transfers as do; not where an older record answers.
+        second_address: bus address of the chip's second die; 0 for its usual one.
+        timeout: longest wait for one reply [s]; driver and guardian use the same limit.
+        terminator: line terminator from the bench file; used by drivers that offer `TERMINATED`.
+        names_asked: whether sensor IDs are re-read between samples; False to replay an older record.
+        sparing: whether sensors are read in as few transfers as possible; False to replay an older record.
     """
 
     device: str
@@ -130,15 +130,15 @@ class Driver(Protocol):
     roles: ClassVar[frozenset[str]]
 
     def __init__(self, connection: Connection) -> None:
-        """Keep the connection; send nothing."""
+        """Store the connection; send nothing."""
         ...
 
     def identify(self) -> Identity:
-        """Ask the instrument who it is; reads only."""
+        """Query the instrument's identity; reads only."""
         ...
 
     def outlets(self) -> Sequence[Outlet]:
-        """Return the state of every output that the instrument has; reads only."""
+        """Return the state of every output of the instrument; reads only."""
         ...
 
     def role(self, wire: Wire) -> object:
@@ -148,42 +148,42 @@ class Driver(Protocol):
 
 @runtime_checkable
 class NamesInputs(Protocol):
-    """A driver whose role is read by names that the wire gives: its role has `read(name)`, and limits may name them."""
+    """A driver whose role has `read(name)`, with input names defined by the wire; limits may refer to them."""
 
     @staticmethod
     def inputs(wire: Wire) -> Mapping[str, str]:
-        """Return the unit of each input that the wire names; what it does not name rightly is left out."""
+        """Return the unit of each input that the wire defines; invalid definitions are left out."""
         ...
 
 
 @runtime_checkable
 class Strapped(Protocol):
-    """A driver whose device on a bus answers at some addresses only, or at two at once."""
+    """A driver of a bus device with a limited set of addresses, or with two addresses at once."""
 
     @classmethod
     def straps(cls) -> tuple[Strap, ...]:
-        """Return how each of its addresses is chosen: that of `address`, and where there are two, `second_address`."""
+        """Return how `address` is selected, and `second_address` where there are two."""
         ...
 
 
 @runtime_checkable
 class OpenedAnew(Protocol):
-    """A driver that remembers of its instrument what does not outlive an opening of its port."""
+    """A driver that caches instrument state which reopening the port invalidates."""
 
     def reopened(self) -> None:
-        """Forget that; send nothing."""
+        """Discard that state; send nothing."""
         ...
 
 
 @runtime_checkable
 class ServesBus(Protocol):
-    """A driver whose instrument runs the transfers of an I2C bus."""
+    """A driver whose instrument serves an I2C bus."""
 
     def bus(self, frequency_hz: float) -> StreamingBus:
-        """Return the bus, which runs at `frequency_hz`; send nothing before its first transfer."""
+        """Return the bus, clocked at `frequency_hz`; nothing is sent before its first transfer."""
         ...
 
 
 def offers(driver: type, capability: str) -> bool:
-    """Return whether a driver lists a capability in its `capabilities`; one that has no list has none."""
+    """Return whether a driver lists a capability in its `capabilities`; a driver without the list has none."""
     return capability in getattr(driver, "capabilities", frozenset())

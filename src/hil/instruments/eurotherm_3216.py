@@ -1,13 +1,13 @@
 """Eurotherm 3216 temperature controller, Modbus RTU.
 
 Registers are those of the 3200 series engineering handbook HA028651 (issue 7, section 15.5): whole numbers,
-temperatures with as many decimals as the display shows. Assumed, from public drivers and the 2000 series, until they
-are compared with an instrument: powers in tenths of a percent, units at 516, decimals at 525, and a type code (122)
+temperatures with as many decimals as the display shows. Assumed, from public drivers and the 2000 series, and not yet
+checked against an instrument: powers in tenths of a percent, units at 516, decimals at 525, and a type code (122)
 that reads 3216 in hexadecimal.
 
-The target setpoint (2) is in a memory for 100,000 writes, so it is written only where it differs. The remote setpoint
-(26) could be written for ever, but the instrument gives it up when nothing came for some seconds; a bench that waits
-for a person, or computes, would let the temperature go. So the local one it is.
+The target setpoint (2) is stored in memory rated for 100,000 writes, so it is written only when it changes. The remote
+setpoint (26) has no such limit, but it times out after some seconds without a write: a bench that waits for a person,
+or computes, would lose control of the temperature. So the local setpoint is used.
 """
 
 from __future__ import annotations
@@ -41,13 +41,13 @@ _SERIES = 0x3200
 
 
 class Eurotherm3216Thermal(ModbusThermal):
-    """The one loop of the controller; fills the role `thermal`."""
+    """The controller's single loop; fills the role `thermal`."""
 
     def safe_bytes(self, state: str, proof: Proof | None = None) -> SafeBytes:  # noqa: ARG002 - always an output of 0
         """Return the bytes of standby; see `hil.instruments.roles.SafeByBytes`.
 
-        The mode is written whether or not it differs, which is rare enough for the memory. It is proven by the mode
-        and by a working output of exactly 0 %; a temperature cannot be held to bounds by bytes.
+        The mode is always written, which is rare enough for the memory. The proof is the mode and a working output of
+        exactly 0 %; bytes alone cannot check a temperature against bounds.
         """
         must_be_state(THERMAL, self._name, state)
         unit, within_s = self._session.unit, self._session.timeout
@@ -63,8 +63,8 @@ class Eurotherm3216Thermal(ModbusThermal):
             who=one_register(_TYPE_CODE, unit, within_s),
         )
 
-    def _agree(self) -> None:
-        """Compare decimals and units of the instrument with those of the wiring."""
+    def _check_display(self) -> None:
+        """Compare the instrument's decimals and units with the wiring's."""
         decimals, units = self._register(_DECIMALS), self._register(_UNITS)
         if decimals != self._decimals or units != _CELSIUS:
             raise Rejected(
@@ -75,13 +75,13 @@ class Eurotherm3216Thermal(ModbusThermal):
             )
 
     def _regulate(self, setpoint: int) -> None:
-        """Set the setpoint, then local, automatic, operating."""
+        """Write the setpoint, then select local setpoint, automatic mode and operating."""
         self._set(_TARGET_SETPOINT, setpoint, "the setpoint")
         self._set(_SETPOINT_SOURCE, _LOCAL, "the setpoint's source")
         self._set(_LOOP_MODE, _AUTOMATIC, "the loop's mode")
         self._set(_INSTRUMENT_MODE, _OPERATING, "the instrument's mode")
 
-    def _halt(self) -> None:
+    def _stop_regulating(self) -> None:
         self._set(_INSTRUMENT_MODE, _STANDBY, "the instrument's mode")
 
     def _process_value(self) -> int:
@@ -104,7 +104,7 @@ class Eurotherm3216(ModbusThermalDriver):
     loop: ClassVar[type[ModbusThermal]] = Eurotherm3216Thermal
 
     def identify(self) -> Identity:
-        """Read type code and version, hexadecimal numbers that read like the model and V1.11; it reports no more."""
+        """Read type code and version, whose hexadecimal digits read as the model and V1.11; it reports nothing else."""
         try:
             code, version = (self._session.read_holding(address, 1)[0] for address in (_TYPE_CODE, _VERSION))
         except Rejected:
@@ -115,7 +115,7 @@ class Eurotherm3216(ModbusThermalDriver):
         return Identity(model=model, firmware=f"{version >> 8:X}.{version & 0xFF:02X}")
 
     def outlets(self) -> Sequence[Outlet]:
-        """Return the loop's output; it is on while the controller regulates, or gives power by hand."""
+        """Return the loop's output; it is on while the controller regulates, or outputs power in manual mode."""
         mode, loop, output = (
             self._session.read_holding(address, 1)[0] for address in (_INSTRUMENT_MODE, _LOOP_MODE, _WORKING_OUTPUT)
         )

@@ -1,9 +1,9 @@
 """TDK InvenSense ICM-20948 gyroscope, accelerometer and magnetometer on an I2C bus, of the host or of an OBC.
 
 Registers, banks, ranges and rates: data sheet DS-000189 and the SparkFun and PX4 drivers; noise bandwidths of the
-filters and times from memory of its tables. Three traps are avoided. The chip sleeps after power-on. Its settings lie
-in four banks. The magnetometer, an AK09916 at 0x0C, hangs on a second bus that the host reaches only while the chip is
-awake, with BYPASS_EN set and I2C_MST_EN cleared; after each sample its ST2 must be read, or data stay as they are.
+filters and timings are from memory of its tables. Three pitfalls are avoided. The chip sleeps after power-on. Its
+settings are spread over four banks. The magnetometer, an AK09916 at 0x0C, is on an auxiliary bus that the host reaches
+only while the chip is awake, with BYPASS_EN set and I2C_MST_EN cleared; ST2 must be read to release each sample.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ _WAY = (
     Condition(register=Register.USER_CTRL, value=0, bits=0xFF & ~_FIFO_ON, otherwise="I2C_MST_EN must be off"),
     Condition(register=Register.INT_PIN_CFG, value=_BYPASS, otherwise="BYPASS_EN is not set"),
 )
-"""What the first die must hold for the magnetometer to be there."""
+"""Settings of the first die that make the magnetometer reachable."""
 
 _BASE_RATE = 1125.0
 _RATES = tuple(_BASE_RATE / divisor for divisor in (250, 125, 90, 50, 25, 15, 10, 9, 5))
@@ -71,14 +71,14 @@ _GYRO_FILTERS = Filters(
     cut_offs=(196.6, 151.8, 119.5, 51.2, 23.9, 11.6, 5.7, 361.4),
     bandwidths=(229.8, 187.6, 154.3, 73.3, 35.9, 17.8, 8.9, 376.5),
 )
-_ACCEL_FILTERS = Filters(  # code 0 is as 1
+_ACCEL_FILTERS = Filters(  # code 0 equals code 1
     cut_offs=(246.0, 246.0, 111.4, 50.4, 23.9, 11.5, 5.7, 473.0),
     bandwidths=(265.0, 265.0, 136.0, 68.8, 34.4, 17.0, 8.3, 499.0),
 )
 _GYRO_NOISE, _ACCEL_NOISE = 0.015, 230e-6  # one-sided, typical: deg/s/sqrt(Hz), g/sqrt(Hz)
 _GRAVITY = 9.80665  # m/s2 of a g
 _RAILS = (-32768, 32767)
-# 21 degC and 333.87 counts per degree; beyond -40 and 85 degC it is no temperature of this chip.
+# 21 degC and 333.87 counts per degree; the chip is rated from -40 to 85 degC.
 _LSB_PER_KELVIN = 333.87
 _CELSIUS = Scale(per_unit=_LSB_PER_KELVIN, zero=21.0, rails=(-20_367, 21_368))
 
@@ -89,12 +89,12 @@ _MAG_RATES = {10.0: 0x02, 20.0: 0x04, 50.0: 0x06, 100.0: 0x08}
 _OFF, _SOFT_RESET = 0x00, 0x01
 _MAG_RESET_S = 0.001
 _READY, _OVERFLOW = 0x01, 0x08
-_MAG_NOISE = 2.0  # counts rms, a guess
-_MAG_LSB, _MAG_MOST = 0.15, 32752  # uT; readings stop there
+_MAG_NOISE = 2.0  # counts rms, estimated
+_MAG_LSB, _MAG_MOST = 0.15, 32752  # uT; readings saturate there
 
 
 def _decoded(data: bytes) -> Packets:
-    """Decode packets. They have no header: one whose temperature is far from the others' is none of them."""
+    """Decode packets. They have no header, so one whose temperature is far from the others' is taken as misaligned."""
     packets = np.frombuffer(data, _PACKET)
     warm = packets["temperature"].astype(np.int64)
     middle = np.sort(warm)[len(warm) // 2] if len(warm) else 0
@@ -116,12 +116,12 @@ FIFO = Fifo(
     off={Register.USER_CTRL: 0, Register.FIFO_EN_2: 0},
     decode=_decoded,
 )
-"""Packets of 8 bytes, of which 64 fill it: what is lost when it is full are whole packets."""
+"""64 packets of 8 bytes fill the FIFO exactly, so an overflow loses whole packets."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GyroscopeSettings:
-    """What a wire may set: range [deg/s], rate [Hz], and bandwidth at -3 dB [Hz], None for what fits the rate."""
+    """Wire settings: range [deg/s], sampling rate [Hz], and -3 dB bandwidth [Hz], None to match the rate."""
 
     range: Annotated[float, measured("deg/s", choices=tuple(_GYRO_RANGES))] = 2000.0
     rate: Annotated[float, measured("Hz", choices=_RATES)] = 112.5
@@ -130,7 +130,7 @@ class GyroscopeSettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AccelerometerSettings:
-    """What a wire may set: range [g], rate [Hz], and bandwidth at -3 dB [Hz], None for what fits the rate."""
+    """Wire settings: range [g], sampling rate [Hz], and -3 dB bandwidth [Hz], None to match the rate."""
 
     range: Annotated[float, measured("g", choices=tuple(_ACCEL_RANGES))] = 16.0
     rate: Annotated[float, measured("Hz", choices=_RATES)] = 112.5
@@ -139,7 +139,7 @@ class AccelerometerSettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MagnetometerSettings:
-    """What a wire may set: rate [Hz]."""
+    """Wire settings: sampling rate [Hz]."""
 
     rate: Annotated[float, measured("Hz", choices=tuple(_MAG_RATES))] = 100.0
 
@@ -157,7 +157,7 @@ def _chip(role: str) -> Chip:
 
 
 class _FirstDie(SharedDie):
-    """Gyroscope or accelerometer, which share a die."""
+    """Gyroscope or accelerometer; both are on the first die."""
 
     reset: ClassVar[tuple[int, int, float]] = (Register.PWR_MGMT_1, _DEVICE_RESET, _RESET_S)
     fresh: ClassVar[tuple[int, int]] = (Register.INT_STATUS_1, _NEW)
@@ -166,25 +166,25 @@ class _FirstDie(SharedDie):
     _settings: Mapping[int, int]
 
     def _wake(self) -> None:
-        """Reset the chip unless another sensor in it runs, set this one, read all back, and wait for a sample."""
+        """Reset the chip unless another sensor on it runs, configure this one, read all back, and wait for a sample."""
         self._reset_alone()
         values: dict[int, int] = {each.register: each.value for each in _WAY}
         values |= {Register.PWR_MGMT_2: 0, **self._settings}
         self._registers.set(values)
         self._clock.sleep(_START_UP_S)
         self._registers.expect(values)
-        self._rejudge()
-        self._is_fresh()  # takes away the flag of a sample from before
+        self._reset_stillness()
+        self._is_fresh()  # clears the flag of an old sample
         self._await_sample()
 
     def _sleep(self) -> None:
-        """Put the chip to sleep unless another sensor in it runs, and read that back."""
+        """Put the chip to sleep unless another of its sensors runs, and read that back."""
         if not self._others_run():
             self._registers.put({Register.PWR_MGMT_1: _ASLEEP})
 
 
 class Icm20948Gyroscope(_FirstDie, FifoSensor):
-    """Its gyroscope, which can stream."""
+    """The chip's gyroscope, which can stream."""
 
     chip: ClassVar[Chip] = _chip("gyroscope")
     measures: ClassVar[tuple[Channel, ...]] = three_axes("deg/s")
@@ -213,7 +213,7 @@ class Icm20948Gyroscope(_FirstDie, FifoSensor):
 
 
 class Icm20948Accelerometer(_FirstDie):
-    """Its accelerometer."""
+    """The chip's accelerometer."""
 
     chip: ClassVar[Chip] = _chip("accelerometer")
     measures: ClassVar[tuple[Channel, ...]] = three_axes("m/s2")
@@ -242,9 +242,9 @@ class Icm20948Accelerometer(_FirstDie):
 
 
 class Icm20948Magnetometer(Behind, Field):
-    """Its magnetometer, an AK09916 with registers of its own; a sample is one that was not read yet.
+    """The chip's magnetometer, an AK09916 with its own registers; each sample is a new one.
 
-    The temperature is that of the first die.
+    The temperature is read from the first die.
     """
 
     chip: ClassVar[Chip] = Chip(
@@ -273,25 +273,25 @@ class Icm20948Magnetometer(Behind, Field):
         self._registers.write(MagnetometerRegister.CNTL3, _SOFT_RESET)
         self._clock.sleep(_MAG_RESET_S)
         self._registers.put({MagnetometerRegister.CNTL2: _MAG_RATES[self._rate]})
-        self._rejudge()
+        self._reset_stillness()
         self._await_sample()
 
     def _switch_off(self) -> None:
         self._registers.put({MagnetometerRegister.CNTL2: _OFF})
 
     def _sample(self) -> tuple[float, ...]:
-        data = self._reached(self._await_sample)
+        data = self._transfer_through(self._await_sample)
         counts = struct.unpack("<hhh", data[1:7])
         self._stillness.judge(counts)
         overflow = data[8] & _OVERFLOW
         axes = (math.nan if overflow else self._axes.number(axis) for axis in counts)
-        return (*axes, self._warmth())
+        return (*axes, self._die_temperature())
 
-    def _read_warmth(self) -> float:
+    def _read_die_temperature(self) -> float:
         return _CELSIUS.number(int.from_bytes(self._first_die.block(Register.TEMP_OUT, 2), "big", signed=True))
 
     def _await_sample(self) -> bytes:
-        """Return a new sample, read in one transfer: ST1, x, y, z, a dummy, and ST2, which ends the reading."""
+        """Return a new sample, read in one transfer: ST1, x, y, z, a dummy, and ST2, which releases the sample."""
         data = b""
 
         def is_new() -> bool:
@@ -304,9 +304,9 @@ class Icm20948Magnetometer(Behind, Field):
 
 
 class Icm20948(SensorDriver):
-    """Driver `icm20948`: roles `gyroscope`, `accelerometer`, `magnetometer`, and `thermometer` for its temperature.
+    """Driver `icm20948`: roles `gyroscope`, `accelerometer`, `magnetometer`, and `thermometer` for the die temperature.
 
-    A wire may set `range` (deg/s or g), `rate` (Hz) and `bandwidth` (-3 dB, Hz), that of the magnetometer `rate`.
+    A wire may set `range` (deg/s or g), `rate` (Hz) and `bandwidth` (-3 dB, Hz), and for the magnetometer `rate`.
     """
 
     roles: ClassVar[frozenset[str]] = frozenset({"gyroscope", "accelerometer", "magnetometer", "thermometer"})

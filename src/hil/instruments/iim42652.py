@@ -69,11 +69,11 @@ _RANGES = {
     31.25: (6, 1048.6),
     15.625: (7, 2097.2),
 }
-# Rate in Hz: code. Faster ones exist; the bus cannot carry them.
+# Rate in Hz: code. The chip has faster ones, but the bus cannot carry them.
 _RATES = {12.5: 11, 25.0: 10, 50.0: 9, 100.0: 8, 200.0: 7, 500.0: 15, 1000.0: 6}
 _DIVISORS = (4, 5, 8, 10, 16, 20, 40)  # codes 1 to 7
 _ORDER = 3
-_THIRD_ORDER = 0x1A  # and the reset value of the bits for the decimation filter
+_THIRD_ORDER = 0x1A  # with the decimation filter's bits at their reset value
 _ACCEL_FILTER = 1 << 4  # as after reset
 _BIG_ENDIAN_COUNTED_IN_BYTES = 0x30
 _NOISE_DENSITY = 0.0038  # deg/s/sqrt(Hz), one-sided, typical
@@ -84,13 +84,13 @@ _SOFT_RESET = 1
 _RESET_DONE = 1 << 4
 _RESET_S = 0.002  # 1 ms
 _START_UP_S = 0.06
-_LONGEST_START_S = 0.5  # off for less than 150 ms, it needs up to that much longer
+_LONGEST_START_S = 0.5  # after less than 150 ms off, start-up takes up to that much longer
 
 CELSIUS = Scale(per_unit=132.48, zero=25.0, rails=(-8612, 10599))
-"""The die's temperature; beyond -40 and 105 degC it is no temperature of this chip."""
+"""Die temperature; the chip is rated from -40 to 105 degC."""
 
 _PACKET = np.dtype([("header", "u1"), ("gyro", ">i2", (3,)), ("temperature", "i1")])
-# Header, bit 7: the FIFO is empty; 6: accelerometer; 5: gyroscope; 4: 20 bits. The others tell of clocks.
+# Header, bit 7: the FIFO is empty; 6: accelerometer; 5: gyroscope; 4: 20 bits. The others concern clocks.
 _EMPTY = 0x80
 _KIND = 0xF0
 _GYROSCOPE_ALONE = 0x20
@@ -116,7 +116,7 @@ def _filling(interrupt: bool) -> Mapping[int, int]:
 
 
 def _decoded(data: bytes) -> Packets:
-    """Decode packets of the gyroscope alone; from the first one on that says `empty` there are none."""
+    """Decode gyroscope-only packets, up to the first one marked empty."""
     packets = np.frombuffer(data, _PACKET)
     headers = packets["header"]
     if len(headers) and headers.max() >= _EMPTY:
@@ -138,18 +138,18 @@ FIFO = Fifo(
     off={Register.INT_SOURCE0: 0, Register.FIFO_CONFIG: 0},
     decode=_decoded,
 )
-"""Packets of 8 bytes: header, three axes with the high byte first, temperature of 8 bits."""
+"""Packets of 8 bytes: header, three axes with the high byte first, 8-bit temperature."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Iim42652Settings:
-    """What a wire may set.
+    """Wire settings.
 
     Attributes:
         range: [deg/s].
-        rate: of samples [Hz].
-        bandwidth: at -3 dB [Hz], None for half the rate.
-        line: of the OBC, at which INT1 ends.
+        rate: sampling rate [Hz].
+        bandwidth: -3 dB bandwidth [Hz], None for half the rate.
+        line: interrupt line of the OBC to which INT1 is wired.
     """
 
     range: Annotated[float, measured("deg/s", choices=tuple(_RANGES))] = 125.0
@@ -159,7 +159,7 @@ class Iim42652Settings:
 
 
 class Iim42652Gyroscope(FifoSensor):
-    """One sensor, its accelerometer off; numbers that it marks invalid, as while the gyroscope is off, are NaN."""
+    """The gyroscope, with the accelerometer off; readings marked invalid, as while it is off, are NaN."""
 
     chip: ClassVar[Chip] = Chip(
         model="IIM-42652",
@@ -190,10 +190,10 @@ class Iim42652Gyroscope(FifoSensor):
             Register.GYRO_CONFIG0: code << 5 | _RATES[rate],
             Register.GYRO_CONFIG1: _THIRD_ORDER,
             Register.GYRO_ACCEL_CONFIG0: _ACCEL_FILTER | _filters(rate)[cut_off],
-            Register.INT_CONFIG1: 0,  # INT_ASYNC_RESET must be cleared, or the pin stays still
+            Register.INT_CONFIG1: 0,  # INT_ASYNC_RESET must be cleared for the interrupt pin to work
             Register.PWR_MGMT0: _GYRO_ON,
         }
-        angle = math.pi / (2 * _ORDER)  # of a Butterworth filter, whose noise bandwidth is wider by angle / sin(angle)
+        angle = math.pi / (2 * _ORDER)  # a Butterworth filter's noise bandwidth exceeds -3 dB by angle / sin(angle)
         sampling = Sampling(
             rate=rate,
             axes=Scale(per_unit=sensitivity, rails=(-_RAIL, _RAIL)),
@@ -208,7 +208,7 @@ class Iim42652Gyroscope(FifoSensor):
         super().__init__(registers, clock, wire, sampling)
 
     def _wake(self) -> None:
-        """Reset the sensor, set it up, switch the gyroscope on, read all back, and wait for valid data."""
+        """Reset and configure the sensor, switch the gyroscope on, read all back, and wait for valid data."""
         self._registers.write(Register.DEVICE_CONFIG, _SOFT_RESET)
         self._clock.sleep(_RESET_S)
         if not self._registers.read(Register.INT_STATUS) & _RESET_DONE:
@@ -227,7 +227,7 @@ class Iim42652Gyroscope(FifoSensor):
 class Iim42652(SensorDriver):
     """Driver `iim42652`: role `gyroscope`, over a bus of the host or of an OBC.
 
-    A wire may set `range` (deg/s), `rate` (Hz), `bandwidth` (-3 dB, Hz), and `line`, the OBC's at which INT1 ends.
+    A wire may set `range` (deg/s), `rate` (Hz), `bandwidth` (-3 dB, Hz), and `line`, the OBC line wired to INT1.
     """
 
     roles: ClassVar[frozenset[str]] = frozenset({"gyroscope", "thermometer"})
@@ -235,6 +235,6 @@ class Iim42652(SensorDriver):
 
 
 def _filters(rate: float) -> dict[float, int]:
-    """Return the code of each -3 dB bandwidth in Hz; half the rate has its own."""
+    """Return the filter code of each -3 dB bandwidth in Hz; half the rate has a code of its own."""
     wide = {max(400.0, rate) / divisor: code for code, divisor in enumerate(_DIVISORS, 1)}
     return wide | {rate / 2: 0}

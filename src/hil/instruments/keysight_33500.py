@@ -1,8 +1,8 @@
 """Keysight 33500 series function generators: 33509B to 33522B.
 
 Commands: 33500 Series Operating and Service Guide, from memory, to be checked on the first article: `FUNCtion`,
-`FREQuency`, `VOLTage`, `VOLTage:OFFSet`, `OUTPut`, `OUTPut:LOAD INFinity` (asked for, that is 9.9E+37), each with the
-channel's number in its header; a level of DC is its offset.
+`FREQuency`, `VOLTage`, `VOLTage:OFFSet`, `OUTPut`, `OUTPut:LOAD INFinity` (reads back as 9.9E+37), each with the
+channel number in its header; a DC level is set as the offset.
 """
 
 from __future__ import annotations
@@ -31,15 +31,15 @@ _CLOSE = 1e-3
 
 
 class GeneratorOutput(ScpiTerminals):
-    """One output; fills the role `function_generator`, always into a high impedance."""
+    """One output; fills the role `function_generator`, always configured for a high-impedance load."""
 
     fills: ClassVar[Role] = FUNCTION_GENERATOR
 
     @drives
     def configure(self, shape: str, frequency: float, amplitude: float, offset: float = 0.0) -> None:
-        """Set shape, frequency, amplitude and offset; the largest voltage is permitted by the clamps first.
+        """Set shape, frequency, amplitude and offset; the clamps check the peak voltage first.
 
-        While it is on, what it gives between two of the settings is permitted as well.
+        While the output is on, intermediate combinations of old and new settings are checked too.
         """
         if shape not in _SHAPES:
             raise Refused(f"{self._name}: unknown shape '{shape}'", f"it is {', '.join(_SHAPES)}")
@@ -49,7 +49,7 @@ class GeneratorOutput(ScpiTerminals):
         if self.enabled():
             swing, shift = self._asked("VOLT") / 2, abs(self._asked("VOLT:OFFS"))
             self._permit(max(abs(offset), shift) + max(amplitude / 2, swing))
-        else:  # amplitude and old offset together might be more than it gives
+        else:  # amplitude plus the old offset might exceed the output range
             self._take("VOLT:OFFS", 0.0)
         self._session.setting(f"OUTP{self._channel}:LOAD INF")
         if not math.isnan(self._session.query(f"OUTP{self._channel}:LOAD?", as_number)):
@@ -62,20 +62,20 @@ class GeneratorOutput(ScpiTerminals):
 
     @drives
     def enable(self) -> None:
-        """Switch the output on, if what it is set to is permitted."""
+        """Switch the output on, if the clamps permit its settings."""
         self._permit(self.peak().value)
         if not self._switch_on():
             raise Rejected(self._device, f"{self._name} was switched on and is off", "check its display")
 
     @reads
     def peak(self) -> Figure:
-        """Return the largest voltage away from zero that its settings give."""
+        """Return the peak voltage of the present settings in V, as a magnitude."""
         shape = self._session.query(f"SOUR{self._channel}:FUNC?", as_text)
         swing = 0.0 if shape == "DC" else self._asked("VOLT") / 2
         return Figure(value=abs(self._asked("VOLT:OFFS")) + swing, unit="V")
 
     def safe_bytes(self, state: str, proof: Proof | None = None) -> SafeBytes:
-        """Return the bytes of off; see `hil.instruments.roles.SafeByBytes`."""
+        """Return the bytes that switch off; see `hil.instruments.roles.SafeByBytes`."""
         return self._safe_bytes(state, proof, {})
 
     def _permit(self, volts: float) -> None:
@@ -107,7 +107,7 @@ class Keysight33500(ScpiInstrument):
     )
 
     def outlets(self) -> Sequence[Outlet]:
-        """Ask every output whether it is on; a model `335x1B` or below has one."""
+        """Query whether each output is on; models `335x1B` and below have one."""
         if not self._session.model:
             self._session.identification()
         return tuple(
@@ -130,4 +130,4 @@ class Keysight33500(ScpiInstrument):
 
 
 _TWO = frozenset({"10", "12", "20", "22"})
-"""The digits of models with two outputs: 33510B, 33512B, 33520B, 33522B."""
+"""Digits of the two-output models: 33510B, 33512B, 33520B, 33522B."""

@@ -1,9 +1,9 @@
-"""Keysight 34461A multimeter, and those of its family that share its commands (34460A, 34465A, 34470A).
+"""Keysight 34461A multimeter, and the others of its family with the same commands (34460A, 34465A, 34470A).
 
-Commands: Truevolt Series Operating and Service Guide. A reading that takes longer than a transaction may last is begun,
-waited for, and fetched. Every reading is told together with the function that it is of, so that a hand at the front
-panel does not turn amperes into volts. From memory, and to be compared with a first instrument: which integration times
-a 34461A has, and that zero correction doubles them.
+Commands: Truevolt Series Operating and Service Guide. A reading that takes longer than one transaction may is started,
+waited for, and fetched. Every reading is requested together with its function, so that a change at the front panel
+cannot turn amperes into volts. From memory, to be checked on the first article: the integration times of a 34461A, and
+that autozero doubles them.
 """
 
 from __future__ import annotations
@@ -39,12 +39,12 @@ _MARGIN_S = 0.02
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeterSettings:
-    """What a wire says.
+    """Wire settings.
 
     Attributes:
-        measures: the quantity.
-        range: the end of its range in V, A or ohm; without it the instrument chooses.
-        nplc: how long it integrates, in periods of the mains.
+        measures: the measured quantity.
+        range: upper end of the range in V, A or ohm; autorange if absent.
+        nplc: integration time in power-line cycles.
     """
 
     measures: Annotated[str, one_of(*_FUNCTIONS)] = "voltage"
@@ -53,11 +53,11 @@ class MeterSettings:
 
 
 class Keysight34461aInput:
-    """One quantity of the multimeter; fills the role `multimeter`.
+    """One measured quantity; fills the role `multimeter`.
 
     Args:
-        meter: the driver, which knows what the instrument was set to last.
-        wire: what is measured, and how.
+        meter: the driver, which caches the instrument's present configuration.
+        wire: the quantity and its settings.
     """
 
     def __init__(self, meter: Keysight34461a, wire: Wire) -> None:
@@ -71,12 +71,12 @@ class Keysight34461aInput:
 
     @reads
     def voltage(self) -> Figure:
-        """Measure the direct voltage in V."""
+        """Measure the DC voltage in V."""
         return self._figure("voltage")
 
     @reads
     def current(self) -> Figure:
-        """Measure the direct current in A."""
+        """Measure the DC current in A."""
         return self._figure("current")
 
     @reads
@@ -85,12 +85,12 @@ class Keysight34461aInput:
         return self._figure("resistance")
 
     def channels(self) -> tuple[Channel, ...]:
-        """Return the quantity that it measures."""
+        """Return the one channel, the measured quantity."""
         return (Channel(self._measures, self._unit),)
 
     @reads
     def sample(self) -> tuple[float, ...]:
-        """Measure; NaN beyond the range."""
+        """Take one reading; NaN on overload."""
         return (self._meter.read(self._measures, self._range, self._nplc),)
 
     def _figure(self, quantity: str) -> Figure:
@@ -113,24 +113,24 @@ class Keysight34461a(ScpiInstrument):
     _set_to: tuple[str, float, float] | None = None
 
     def role(self, wire: Wire) -> Keysight34461aInput:
-        """Return the quantity that the wire names."""
+        """Return the multimeter as the wire configures it."""
         settings.fits(wire, self.speech.driver, self.roles)
         return Keysight34461aInput(self, wire)
 
     def reopened(self) -> None:
-        """Forget what the instrument was set to."""
+        """Discard the cached configuration."""
         self._set_to = None
 
     def read(self, quantity: str, end: float, nplc: float) -> float:
-        """Measure, and return the number, NaN where it is beyond the range.
+        """Take one reading and return its value, NaN on overload.
 
         Args:
-            quantity: one of the role's.
-            end: of its range, 0 where the instrument chooses.
-            nplc: periods of the mains.
+            quantity: `voltage`, `current` or `resistance`.
+            end: upper end of the range, 0 for autorange.
+            nplc: integration time in power-line cycles.
 
         Raises:
-            Rejected: the instrument was set to something else at its front panel, or refuses the setting.
+            Rejected: the instrument was reconfigured at its front panel, or refuses the setting.
             NoReply, Garbled: see `ScpiSession.query`.
         """
         if self._set_to != (quantity, end, nplc):
@@ -172,7 +172,7 @@ def _near(found: float, wanted: float) -> bool:
 
 
 def _as_reading(reply: str) -> tuple[float, str]:
-    """Accept a number and the function that it is of: `+1.234E+00;"VOLT"`."""
+    """Parse a reading and its function: `+1.234E+00;"VOLT"`."""
     number, separator, function = reply.partition(";")
     if not separator:
         raise ValueError('a number and a function like +1.2E+00;"VOLT"')
@@ -180,7 +180,7 @@ def _as_reading(reply: str) -> tuple[float, str]:
 
 
 def _end_of_range(wire: Wire, asked: MeterSettings) -> float:
-    """Return the end of the range that a wire asks for, 0 for none."""
+    """Return the upper end of the wire's range, 0 for autorange."""
     if not asked.range or asked.range == "auto":
         return 0.0
     unit = MULTIMETER.quantities[asked.measures]

@@ -1,11 +1,11 @@
-"""Keysight 34970A and 34972A data acquisition units: voltages, thermocouples and digital bytes, scanned by a timer.
+"""Keysight 34970A and 34972A data acquisition units: timer-paced scans of voltages, thermocouples and digital bytes.
 
-Facts, from the 34970A user's guide: CONFigure and ROUTe:SCAN both define the scan list; the timer begins a sweep every
-0 to 359,999 s in steps of 1 ms; a scan keeps 50,000 readings with the time since its start, and DATA:REMove? takes the
-oldest ones; the fields of a reading are value, time, channel; MEASure and CONFigure switch those fields off; a digital
-byte stands in the scan list like any channel, `s01` or `s02`. From memory, to be checked on the first article: that a
-scan list is sorted, that `*IDN?` may stand in a line with a question, how long a relay takes, that zero correction
-doubles a reading, and that an open thermocouple and an overload are both 9.9E+37.
+From the 34970A user's guide: CONFigure and ROUTe:SCAN both define the scan list; the timer starts a sweep every 0 to
+359,999 s in steps of 1 ms; a scan stores 50,000 readings with the time since its start, and DATA:REMove? removes the
+oldest; the fields of a reading are value, time, channel; MEASure and CONFigure switch those fields off; a digital byte
+is in the scan list like any channel, `s01` or `s02`. From memory, to be checked on the first article: that a scan list
+is sorted, that `*IDN?` can share a line with a query, the relay switching time, that autozero doubles the time of a
+reading, and that an open thermocouple and an overload both read 9.9E+37.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ _BYTE = "DIG:BYTE "
 _RELAY_S, _BYTE_S, _MARGIN_S = 0.017, 0.005, 0.02
 _TIMER_S = 1e-3
 _MEMORY = 50_000
-_MOST_READINGS = 40  # a request; their 1400 bytes come in time from 57600 baud on
+_MOST_READINGS = 40  # per request; at 57600 baud and above their 1400 bytes arrive in time
 _LONGEST_PAUSE_S = 2.0
 _SILENCE_S = 1.0
 
@@ -52,11 +52,11 @@ _Reading = tuple[float, float, int]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DaqSettings:
-    """What a wire says beside its inputs.
+    """Wire settings besides the inputs.
 
     Attributes:
-        nplc: how long a reading integrates, in periods of the mains.
-        settling: from the closing of a channel's relay to its reading.
+        nplc: integration time in power-line cycles.
+        settling: settling time from closing a channel's relay to its reading.
     """
 
     nplc: Annotated[float, measured(choices=_CYCLES)] = 1.0
@@ -65,7 +65,7 @@ class DaqSettings:
 
 @dataclass(frozen=True, slots=True)
 class _Input:
-    """One input: its number, its name, its unit, and how it is set up: a command before the channel list."""
+    """One input: channel number, name, unit, and the configuration command that precedes the channel list."""
 
     number: int
     name: str
@@ -74,15 +74,15 @@ class _Input:
 
 
 class DaqInputs:
-    """Fills the role `data_acquisition`.
+    """The unit's wired inputs; fills the role `data_acquisition`.
 
     Args:
         name: the wire's dotted name.
         device: the instrument's name.
         session: its session.
         clock: the bench's clock.
-        inputs: rising by their numbers.
-        asked: what else the wire says.
+        inputs: in ascending channel order.
+        asked: the wire's other settings.
     """
 
     def __init__(
@@ -99,13 +99,13 @@ class DaqInputs:
         self._late = self._heard = 0.0
 
     def channels(self) -> tuple[Channel, ...]:
-        """Return every input, and for all but the first how long after the row's time it was read, `NAME_after`."""
+        """Return every input, and for all but the first its delay after the row's time, `NAME_after`."""
         after = tuple(Channel(f"{each.name}_after", "s") for each in self._inputs[1:])
         return (*(Channel(each.name, each.unit) for each in self._inputs), *after)
 
     @reads
     def read(self, channel: str) -> Figure:
-        """Read one input; not observable where its thermocouple is open, or it is beyond its range.
+        """Read one input; not observable where its thermocouple is open, or on overload.
 
         Raises:
             Refused: there is no such input, or it is being recorded.
@@ -116,23 +116,23 @@ class DaqInputs:
             known = ", ".join(each.name for each in self._inputs)
             raise Refused(f"{self._name} has no channel '{channel}'", f"the wiring names {known}")
         if found.unit == "1" and not self._rate:
-            value = self._session.query(f"SENS:DIG:DATA:BYTE? {_listed([found.number])}", _as_first)
+            value = self._session.query(f"SENS:DIG:DATA:BYTE? {_channel_list([found.number])}", _as_first)
         else:
             ((value, _, _),) = self._once((found,))
         status = FigureStatus.NOT_OBSERVABLE if math.isnan(value) else FigureStatus.MEASURED
         return Figure(value=value, unit=found.unit, status=status)
 
     def sample(self) -> tuple[float, ...]:
-        """Sweep once over all inputs; NaN where one has no number."""
+        """Scan all inputs once; NaN where one has no reading."""
         return tuple(self._row(self._once(self._inputs))[1:])
 
     def begin(self, rate: float) -> None:
-        """Sweep at `rate` [Hz] by the instrument's timer.
+        """Start a scan at `rate` sweeps per second [Hz], paced by the instrument's timer.
 
         Raises:
-            Refused: a sweep takes longer than that leaves, or the timer has no such step.
+            Refused: a sweep takes longer than its period, or the timer cannot be set to it.
         """
-        sweep_s, period_s = self._lasts_s(self._inputs), 1 / rate
+        sweep_s, period_s = self._sweep_s(self._inputs), 1 / rate
         if period_s < sweep_s:
             raise Refused(
                 f"{self._name}: {len(self._inputs)} channels take {sweep_s:.3g} s, which is too long for {rate:g} Hz",
@@ -154,10 +154,10 @@ class DaqInputs:
         self._late, self._rate = self._heard - before, rate
 
     def drain(self) -> NDArray[np.float64]:
-        """Take what has come out of the memory; see `hil.instruments.sampled.Streamed`.
+        """Remove the readings from the instrument's memory; see `hil.instruments.sampled.Streamed`.
 
         Raises:
-            NoReply: the scan does not go on.
+            NoReply: the scan has stalled.
         """
         import numpy as np  # noqa: PLC0415 - slow to import
 
@@ -165,19 +165,19 @@ class DaqInputs:
         while waiting:
             count = min(waiting, _MOST_READINGS)
             for reading in self._session.query(f"DATA:REM? {count}", _as_readings(count)):
-                self._sort(reading)
+                self._add_to_sweep(reading)
             waiting -= count
         rows, self._rows = self._rows, []
         silent_s = self._clock.now() - self._heard
         if rows:
             self._heard += silent_s
-        elif silent_s > 1 / self._rate + self._lasts_s(self._inputs) + _SILENCE_S:
+        elif silent_s > 1 / self._rate + self._sweep_s(self._inputs) + _SILENCE_S:
             message = f"{self._name}: no sweep has ended for {silent_s:.3g} s"
             raise NoReply(self._device, message, "check whether another wire, program or person has ended its scan")
         return np.array(rows).reshape(len(rows), 1 + len(self.channels()))
 
     def end(self) -> StreamReport:
-        """Stop the scan, and return how it went."""
+        """Stop the scan, and return its report."""
         self._rate = 0.0
         self._session.setting("ABOR")
         return StreamReport(
@@ -187,16 +187,16 @@ class DaqInputs:
 
     @property
     def longest_pause(self) -> float:
-        """Seconds after which one request does not take all any more; nothing is lost then, see `patience`."""
+        """Seconds after which one request no longer fetches everything; nothing is lost then, see `patience`."""
         return max(1 / self._rate, min(_LONGEST_PAUSE_S, _MOST_READINGS / (self._rate * len(self._inputs))))
 
     @property
     def patience(self) -> float:
-        """Seconds after which the memory would be full, with a margin."""
+        """Seconds until the memory is full, with a margin."""
         return 0.8 * _MEMORY / (self._rate * len(self._inputs))
 
-    def _lasts_s(self, inputs: Sequence[_Input]) -> float:
-        """Return how long a sweep takes at most."""
+    def _sweep_s(self, inputs: Sequence[_Input]) -> float:
+        """Return the longest duration of a sweep."""
         reading_s = _RELAY_S + self._asked.settling + 2 * self._asked.nplc / _SLOWEST_MAINS_HZ
         return sum(_BYTE_S if each.unit == "1" else reading_s for each in inputs) + _MARGIN_S
 
@@ -207,7 +207,7 @@ class DaqInputs:
         self._settings.word("TRIG:SOUR", "IMM")
         self._session.setting("TRIG:COUN 1")
         self._session.setting("INIT")
-        self._clock.sleep(self._lasts_s(inputs))
+        self._clock.sleep(self._sweep_s(inputs))
         if (count := self._session.query("DATA:POIN?", as_register)) != len(inputs):
             message = f"{self._name}: a sweep of {len(inputs)} channels gave {count} readings"
             raise NoReply(self._device, message, "check its modules, and whether another program scans")
@@ -216,8 +216,8 @@ class DaqInputs:
             raise Rejected(self._device, f"{self._name}: other channels were scanned than asked for", "leave it alone")
         return found
 
-    def _sort(self, reading: _Reading) -> None:
-        """Add a reading to its sweep; a sweep that is not whole is lost, and leaves its time empty."""
+    def _add_to_sweep(self, reading: _Reading) -> None:
+        """Add a reading to its sweep; an incomplete sweep is lost and leaves a gap in time."""
         number = reading[2]
         if number != self._inputs[len(self._sweep)].number:
             self._sweep = []
@@ -239,14 +239,14 @@ class DaqInputs:
         return [first, *(value for value, _, _ in sweep), *(at - first for _, at, _ in sweep[1:])]
 
     def _set_up(self, inputs: Sequence[_Input]) -> None:
-        """Set up the inputs, and the scan list; the list is read back."""
+        """Configure the inputs and the scan list; the list is read back."""
         session = self._session
         session.setting("ABOR")
         alike: dict[str, list[int]] = defaultdict(list)
         for each in inputs:
             alike[each.configure].append(each.number)
         for configure, numbers in alike.items():
-            where = _listed(numbers)
+            where = _channel_list(numbers)
             session.setting(f"CONF:{configure}{where}")
             if configure == _BYTE:
                 continue
@@ -256,7 +256,7 @@ class DaqInputs:
             if function == "TEMP":
                 session.setting(f"UNIT:TEMP C,{where}")
                 session.setting(f"TEMP:TRAN:TC:CHEC ON,{where}")
-        wanted = _listed([each.number for each in inputs])
+        wanted = _channel_list([each.number for each in inputs])
         session.setting(f"ROUT:SCAN {wanted}")
         if (found := session.query("ROUT:SCAN?", as_text)) != f"#{len(str(len(wanted)))}{len(wanted)}{wanted}":
             raise Rejected(
@@ -267,7 +267,7 @@ class DaqInputs:
 
 
 class Keysight34970a(ScpiInstrument):
-    """Driver `keysight-34970a`: role `data_acquisition`, of all its inputs together. It is never reset."""
+    """Driver `keysight-34970a`: role `data_acquisition`, all inputs together. The instrument is never reset."""
 
     roles: ClassVar[frozenset[str]] = frozenset({"data_acquisition"})
     speech: ClassVar[Speech] = Speech(driver="keysight-34970a", framed=True)
@@ -279,7 +279,7 @@ class Keysight34970a(ScpiInstrument):
         return {match[1]: match[2] or match[4] or match[6] for match in named if match}
 
     def role(self, wire: Wire) -> DaqInputs:
-        """Return the inputs that the wire names."""
+        """Return the wire's inputs."""
         settings.fits(wire, self.speech.driver, self.roles)
         named = {key: text for key, text in wire.settings.items() if _CHANNEL.fullmatch(key)}
         rest = {key: text for key, text in wire.settings.items() if key not in named}
@@ -302,17 +302,17 @@ def _input(wire: Wire, key: str, text: str) -> _Input:
     return _Input(int(key), name, "degC", f"TEMP TC,{kind},") if celsius else _Input(int(key), name, "1", _BYTE)
 
 
-def _listed(numbers: Sequence[int]) -> str:
+def _channel_list(numbers: Sequence[int]) -> str:
     return f"(@{','.join(map(str, numbers))})"
 
 
 def _as_first(reply: str) -> float:
-    """Accept a number, whatever fields follow it."""
+    """Parse the leading number, whatever fields follow it."""
     return as_number(reply.partition(",")[0])
 
 
 def _as_readings(count: int) -> Callable[[str], list[_Reading]]:
-    """Return what accepts so many readings: `+2.61950000E+01,0000000000.017,101,...`."""
+    """Return the parser for `count` readings: `+2.61950000E+01,0000000000.017,101,...`."""
 
     def parse(reply: str) -> list[_Reading]:
         fields = [field.strip() for field in reply.split(",")]

@@ -1,7 +1,7 @@
 """Keysight E36311A, E36312A and E36313A triple-output power supplies.
 
-Commands: E36300 Series Programming Guide (E36311-90008). Outputs can be set to 103 % of what they are rated for. The
-third one of an E36311A is negative, which the role does not know, so that it is never set above 0 V.
+Commands: E36300 Series Programming Guide (E36311-90008). Outputs can be set to 103 % of their rating. The third
+output of an E36311A is negative, which the role does not support, so it is only ever set to 0 V.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
 """Keysight power supplies with one output: the E36100 series, and the E3632A, E3633A and E3634A.
 
 Commands: E36100 Series Operating and Service Guide; E3632A User's Guide (E3632-90001). They have no channel lists.
-Nothing says that they take several questions in a line, so replies are closed by the identification.
+Several queries in one line are not documented, so an identification query closes each reply.
 
-Assumed, until it is compared with an instrument: the E36100 series has the same questions for a protection that has
-tripped as the E36300 series.
+Assumed, not yet checked against an instrument: the E36100 series has the same queries for a tripped protection as the
+E36300 series.
 """
 
 from __future__ import annotations

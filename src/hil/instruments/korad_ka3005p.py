@@ -1,8 +1,8 @@
 """Korad KA3005P power supplies, also sold as Tenma 72-2540, Velleman PS3005D and RND 320-KA3005P.
 
-The over-voltage protection has no level: switched on, it acts at the voltage that is set. It guards against the supply
-itself, not against a wrong setting, so that the driver does not claim `over-voltage-level`. Of the status byte
-only the bits 0x40, 0x20 and 0x01 mean the same on every firmware.
+The over-voltage protection has no level of its own: it trips at the voltage setpoint. It protects against a fault of
+the supply, not against a wrong setting, so the driver does not claim `over-voltage-level`. In the status byte only the
+bits 0x40, 0x20 and 0x01 mean the same on every firmware.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _TIMES_OFF = 2
 _ON, _PROTECTED, _CONSTANT_VOLTAGE = 0x40, 0x20, 0x01
 _DECIMALS = {"voltage": 2, "current": 3}
 _COMMANDS = {"voltage": "VSET1:{:05.2f}", "current": "ISET1:{:05.3f}"}
-_MOST = {"voltage": 99.99, "current": 9.999}  # what the width of a command holds; the supply's range is less
+_MOST = {"voltage": 99.99, "current": 9.999}  # the largest that a command can hold; the supply's range is smaller
 _SAME = 1e-6
 _AtSetting = Annotated[
     str,
@@ -49,14 +49,14 @@ _MEASURED = {
     "V": Question(command=b"VOUT1?", form=_VOLTS, width=5),
     "A": Question(command=b"IOUT1?", form=_AMPERES, width=5),
 }
-_SAYS_OFF = rb"[^\x40-\x7f\xc0-\xff\r\n]"  # a status byte without the bit 0x40, and not the end of another reply
+_SAYS_OFF = rb"[^\x40-\x7f\xc0-\xff\r\n]"  # a status byte without bit 0x40, not the terminator of another reply
 _NAMES = {"KORAD": "Korad", "TENMA": "Tenma", "VELLEMAN": "Velleman", "RND": "RND"}
 _IDENTIFICATION = re.compile(rf"({'|'.join(_NAMES)}) ?(.+?) ?V(\d+\.\d+)(?: SN:(\w+))?", re.ASCII)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KoradSettings:
-    """What a wire may set: whether the protections are switched on."""
+    """Wire settings: which protections are switched on."""
 
     over_voltage: _AtSetting = ""
     over_current: _AtSetting = ""
@@ -65,14 +65,14 @@ class KoradSettings:
 class KoradOutput:
     """The output; fills the role `supply`.
 
-    Every setting is permitted by the clamps right before its bytes leave, sent once and read back. Switching on asks
-    the clamps too: what the supply has been set to before must be permitted as well.
+    Every setting is checked against the clamps right before its bytes leave, sent once, and read back. Switching on
+    checks the supply's present settings against the clamps too.
 
     Args:
         name: the wire's dotted name.
         connection: how the supply is reached.
-        line: the supply's line.
-        protections: commands that switch protections on.
+        line: the supply's serial line.
+        protections: commands that switch the wire's protections on.
     """
 
     def __init__(self, name: str, connection: Connection, line: KoradLine, protections: Sequence[str]) -> None:
@@ -86,9 +86,9 @@ class KoradOutput:
         """Set the current limit [A], the voltage [V] and the protections, in this order.
 
         Raises:
-            Refused: one of them cannot be sent; nothing was sent.
-            ClampExceeded: one of them is not permitted; nothing was sent.
-            Rejected: the supply reads back another.
+            Refused: a value cannot be sent; nothing was sent.
+            ClampExceeded: a value exceeds a clamp; nothing was sent.
+            Rejected: a setting reads back differently.
         """
         values = {"current": self._sendable("current", current), "voltage": self._sendable("voltage", voltage)}
         for quantity, value in values.items():
@@ -99,7 +99,7 @@ class KoradOutput:
 
     @drives
     def enable(self) -> None:
-        """Switch the output on, if what it is set to is permitted."""
+        """Switch the output on, if the clamps permit its settings."""
         for quantity, question in _SET.items():
             self._connection.clamps.permit(_CHANNEL, quantity, float(self._line.ask(question)))
         self._protect()
@@ -113,10 +113,10 @@ class KoradOutput:
 
     @drives
     def disable(self) -> None:
-        """Switch the output off; its bytes leave first, whatever state the line is in.
+        """Switch the output off; the bytes leave at once, whatever state the line is in.
 
-        Nothing acknowledges them, and a command that comes too soon after another one is lost with it. So off is said
-        again to a supply that says it is on.
+        Nothing acknowledges the command, and one sent too soon after another is lost together with it. So it is
+        repeated if the supply reports that it is still on.
         """
         for _ in range(_TIMES_OFF):
             self._line.setting("OUT0", urgent=True)
@@ -128,17 +128,17 @@ class KoradOutput:
 
     @reads
     def enabled(self) -> bool:
-        """Return whether the supply says that the output is on."""
+        """Return whether the supply reports its output as on."""
         return bool(self._status() & _ON)
 
     @reads
     def voltage(self) -> Figure:
-        """Return the measured voltage in V; its uncertainty is the certificate's, not the driver's."""
+        """Return the measured voltage in V; its uncertainty comes from the certificate, not from the driver."""
         return Figure(value=float(self._line.ask(_MEASURED["V"])), unit="V")
 
     @reads
     def current(self) -> Figure:
-        """Return the measured current in A; its uncertainty is the certificate's, not the driver's."""
+        """Return the measured current in A; its uncertainty comes from the certificate, not from the driver."""
         return Figure(value=float(self._line.ask(_MEASURED["A"])), unit="A")
 
     @reads
@@ -150,7 +150,7 @@ class KoradOutput:
         return "CV" if status & _CONSTANT_VOLTAGE else "CC"
 
     def safe_bytes(self, state: str, proof: Proof | None = None) -> SafeBytes:
-        """Return the bytes of off; see `hil.instruments.roles.SafeByBytes`. Voltage and current can be asked for."""
+        """Return the bytes of off; see `hil.instruments.roles.SafeByBytes`. Voltage and current can be queried."""
         must_be_state(SUPPLY, self._name, state)
         questions: list[tuple[bytes, bytes, tuple[float, float] | None]] = [(_STATUS.command, _SAYS_OFF, None)] * 2
         for quantity, unit in (("voltage", "V"), ("current", "A")):
@@ -163,7 +163,7 @@ class KoradOutput:
         return self._line.ask(_STATUS)[0]
 
     def _protect(self) -> None:
-        """Switch the wire's protections on; the status byte says only whether one of them is."""
+        """Switch the wire's protections on; the status byte only shows whether any of them is on."""
         for command in self._protections:
             self._line.setting(command)
         if self._protections and not self._status() & _PROTECTED:
@@ -174,7 +174,7 @@ class KoradOutput:
             )
 
     def _set(self, quantity: str, value: float) -> None:
-        """Permit, send, read back, compare."""
+        """Check against the clamps, send, read back, compare."""
         command = _COMMANDS[quantity].format(value)
         self._connection.clamps.permit(_CHANNEL, quantity, value)
         self._line.setting(command)
@@ -187,7 +187,7 @@ class KoradOutput:
             )
 
     def _sendable(self, quantity: str, value: float) -> float:
-        """Return the number that will be sent, so that the clamps judge that one."""
+        """Return the value as it will be sent, so that the clamps check that one."""
         if not (math.isfinite(value) and 0 <= round(value, _DECIMALS[quantity]) <= _MOST[quantity]):
             raise Refused(
                 f"{self._name}: {quantity} {value:g} is not a number to set", f"give 0 to {_MOST[quantity]:g}"
@@ -211,7 +211,7 @@ class KoradKa3005p:
         self._line = KoradLine(connection.device, connection.port, connection.clock, timeout=connection.timeout)
 
     def identify(self) -> Identity:
-        """Ask `*IDN?`; most firmware reports no serial number."""
+        """Query `*IDN?`; most firmware reports no serial number."""
         text = self._line.identification()
         match = _IDENTIFICATION.fullmatch(text)
         simulated = "SIMULATED" if "V0.0" in text else ""
@@ -222,7 +222,7 @@ class KoradKa3005p:
         )
 
     def outlets(self) -> Sequence[Outlet]:
-        """Ask whether the output is on."""
+        """Query whether the output is on."""
         return (Outlet(_CHANNEL, bool(self._line.ask(_STATUS)[0] & _ON)),)
 
     def role(self, wire: Wire) -> Supply:

@@ -1,15 +1,15 @@
-"""The serial line of a Korad supply: commands without an end, replies of fixed width, a silence after each.
+"""Serial line of a Korad supply: commands without a terminator, fixed-width replies, a pause after each.
 
-Nothing in a reply says which question it belongs to, where it begins or where it ends. So a question is asked in
-silence, its reply must have exactly its width and form and be followed by silence, and then the identification is asked
-for. The instrument answers in order: bytes that nobody had asked for make a reply too long, or push it to where the
-identification should be. Of what proves a state two equal replies are asked for before that.
+Nothing in a reply shows which query it answers, where it begins or where it ends. So a query is sent on a silent line,
+its reply must have exactly the expected width and form and be followed by silence, and then the identification is
+queried. The instrument answers in order: stray bytes make a reply too long, or push it to where the identification
+should be. A reply that proves a state must come twice, the same, before that.
 
-Some firmware ends every reply with a line feed, with carriage return and line feed, or with NUL. Which one is learnt
-with the identification; no other one is accepted, and none of them is a reply.
+Some firmware ends every reply with a line feed, carriage return and line feed, or NUL. Which one is learnt from the
+identification; no other is accepted, and a terminator alone is not a reply.
 
-After a fault a reply may still come: the line is listened to until it is silent, and then the identification must come
-whole; it is learnt again.
+After a fault a late reply may still come: the driver listens until the line is silent, and then the identification must
+be complete; it is learnt afresh.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ __all__ = ["KoradLine", "Question", "switched_off"]
 
 _SILENCE_S = 0.05  # what the supply needs between commands; no byte may come in it
 _SAFE_SILENCE_S = 0.06
-"""That, and what it takes until the last byte has left the adapter."""
+"""The same, plus the time until the last byte has left the adapter."""
 _ATTEMPTS = 3
 _MOST_LISTENED = 10
 _MOST_BYTES = 64
@@ -43,13 +43,13 @@ _T = TypeVar("_T")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Question:
-    """One question, and what its reply looks like.
+    """One query and the form of its reply.
 
     Attributes:
-        command: what is sent.
-        form: what the whole reply must match.
-        width: bytes of the reply.
-        spare: bytes that some firmware sends after it.
+        command: the bytes sent.
+        form: pattern for the whole reply.
+        width: length of the reply in bytes.
+        spare: extra bytes that some firmware appends.
         proof: whether two equal replies are needed; `steady` are the bits that must be equal.
     """
 
@@ -80,32 +80,32 @@ class KoradLine:
         self._in_step = True
 
     def identification(self) -> str:
-        """Ask `*IDN?` and return what the supply says of itself.
+        """Query `*IDN?` and return the identification text.
 
         Raises:
-            NoReply: nothing came each time.
-            Garbled: something else came, or bytes that nobody had asked for.
+            NoReply: no attempt got a reply.
+            Garbled: the reply is malformed, or unsolicited bytes came.
         """
-        return self._tried(self._learn)
+        return self._with_retries(self._learn)
 
     def ask(self, question: Question) -> bytes:
-        """Ask, and return the reply without spare bytes; asked again where nothing or nonsense comes.
+        """Send a query, and return its reply without spare bytes; silence and malformed replies are retried.
 
         Raises:
             NoReply, Garbled: see `identification`.
         """
-        return self._tried(lambda: self._closed(question))
+        return self._with_retries(lambda: self._closed(question))
 
     def setting(self, command: str, *, urgent: bool = False) -> None:
-        """Send a setting once; nothing may come after it.
+        """Send a setting once; no reply may follow it.
 
         Args:
             command: the setting.
-            urgent: let it leave even where bytes wait or are owed: for switching off.
+            urgent: send it even with bytes waiting or a reply outstanding: for switching off.
 
         Raises:
             NoReply: the port failed.
-            Garbled: bytes came that nobody had asked for; an urgent setting has left before.
+            Garbled: unsolicited bytes came; an urgent setting was sent first all the same.
         """
         if not urgent:
             self._must_be_silent()
@@ -114,14 +114,14 @@ class KoradLine:
         if stray and self._in_step:
             raise self._unasked(stray)
 
-    def _tried(self, ask: Callable[[], _T]) -> _T:
-        """Ask until there is a reply, three times at most; what came unasked is raised at once."""
+    def _with_retries(self, ask: Callable[[], _T]) -> _T:
+        """Retry until there is a reply, three attempts at most; unsolicited bytes are raised at once."""
         self._must_be_silent()
         faults: list[DeviceFault] = []
         while len(faults) < _ATTEMPTS:
             try:
                 if not self._in_step:
-                    self._step_again()
+                    self._resynchronise()
                 return ask()
             except (NoReply, Garbled) as fault:
                 self._in_step = False
@@ -129,7 +129,7 @@ class KoradLine:
         raise faults[0]
 
     def _closed(self, question: Question) -> bytes:
-        """Ask, twice where it is a proof, and let the identification close it."""
+        """Send a query, twice if it is a proof, and close it with the identification."""
         came = [self._reply(question) for _ in range(2 if question.proof else 1)]
         first, last = came[0][: question.width], came[-1][: question.width]
         if first != last and (first[0] ^ last[0]) & question.steady:
@@ -140,16 +140,16 @@ class KoradLine:
         return last
 
     def _reply(self, question: Question) -> bytes:
-        """Ask once, and return the reply with what followed it."""
+        """Send a query once, and return the reply with all that followed it."""
         self._send(question.command)
         came = self._heard(question.command, question.width)
         self._must_be_whole(question, came)
         return came
 
     def _must_be_whole(self, question: Question, came: bytes) -> None:
-        """Refuse what has not the width and form, or is followed by more than spare bytes and the end, if it is known.
+        """Refuse a reply of the wrong width or form, or followed by more than spare bytes and the known terminator.
 
-        Replies may lack the end that the identification has, but not where the reply could be that end alone.
+        Replies may lack the identification's terminator, unless the reply could be taken for that terminator.
         """
         reply, more = came[: question.width], came[question.width :]
         ends = (self._end, b"") if self._identification else (*_ENDS, b"")
@@ -159,7 +159,7 @@ class KoradLine:
             raise self._nonsense(question.command, f"{question.width} bytes of its form", came)
 
     def _learn(self) -> str:
-        """Ask for the identification, which must be the one that was learnt, if one was."""
+        """Query the identification, which must match the one learnt before, if any."""
         self._send(b"*IDN?")
         came = self._heard(b"*IDN?", 1)
         end = next((end for end in _ENDS if came.endswith(end)), b"")
@@ -175,10 +175,10 @@ class KoradLine:
         try:
             self._port.write(command)
         except OSError as error:
-            raise self._dead_port(error) from error
+            raise self._port_failed(error) from error
 
     def _heard(self, command: bytes, width: int) -> bytes:
-        """Return what comes until there is silence; fewer bytes than `width` are no reply."""
+        """Send a command and return all bytes until the line is silent; fewer than `width` count as no reply."""
         came = self._read(width, self.timeout)
         came += self._silence() if came else b""
         if len(came) < width:
@@ -191,7 +191,7 @@ class KoradLine:
         return came
 
     def _silence(self) -> bytes:
-        """Return what comes before there is silence; what never ends is cut."""
+        """Return the bytes until the line is silent; an endless stream is cut off."""
         came = b""
         while len(came) < _MOST_BYTES:
             more = self._read(_MOST_BYTES, _SILENCE_S)
@@ -200,8 +200,8 @@ class KoradLine:
             came += more
         return came
 
-    def _step_again(self) -> None:
-        """Listen until there is silence, and let the identification come whole."""
+    def _resynchronise(self) -> None:
+        """Resynchronise: listen until the line is silent, then require a complete identification."""
         for _ in range(_MOST_LISTENED):
             if not self._silence():
                 break
@@ -210,13 +210,13 @@ class KoradLine:
         self._in_step = True
 
     def _must_be_silent(self) -> None:
-        """Refuse bytes that came unasked; after a fault some may be owed, and stepping again deals with them."""
+        """Refuse unsolicited bytes; after a fault late replies are expected, and resynchronising discards them."""
         if not self._in_step:
             return
         try:
             stray = self._port.read(self._port.in_waiting) if self._port.in_waiting else b""
         except OSError as error:
-            raise self._dead_port(error) from error
+            raise self._port_failed(error) from error
         if stray:
             raise self._unasked(stray)
 
@@ -225,7 +225,7 @@ class KoradLine:
             self._port.timeout = timeout
             return self._port.read(size)
         except OSError as error:
-            raise self._dead_port(error) from error
+            raise self._port_failed(error) from error
 
     def _unasked(self, stray: bytes) -> Garbled:
         self._in_step = False
@@ -242,20 +242,20 @@ class KoradLine:
             "check the driver that the bench file names, the line's speed and its shielding",
         )
 
-    def _dead_port(self, error: OSError) -> NoReply:
+    def _port_failed(self, error: OSError) -> NoReply:
         self._in_step = False
         return NoReply(self._device, f"the port failed: {error}", "check cable and power")
 
 
 def switched_off(questions: tuple[tuple[bytes, bytes, tuple[float, float] | None], ...], within_s: float) -> SafeBytes:
-    """Return how the output is switched off by bytes alone.
+    """Return the bytes that switch the output off.
 
-    Only a silence shows where a command ends. So there is one first; and the command leaves twice, for half a command
-    that a killed program left might still spoil the first.
+    Only silence marks the end of a command. So the sequence starts with a pause, and the command is sent twice, because
+    half a command left by a killed program might still spoil the first.
 
     Args:
-        questions: what is asked, what the reply must be, and the bounds of the number in it, if there is one.
-        within_s: how long a reply may take [s].
+        questions: each query, the pattern of its reply, and the bounds of the number in it, if there is one.
+        within_s: reply timeout [s].
     """
     proof = tuple(
         Exchange(send=command, expect=rb"\A" + reply, within_s=within_s, quiet_s=_SAFE_SILENCE_S, between=bounds)

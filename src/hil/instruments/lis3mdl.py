@@ -1,8 +1,8 @@
 """ST LIS3MDL three-axis magnetometer on an I2C bus.
 
-Registers and their meaning: LIS3MDL data sheet (DocID024204) and AN4602. Two traps are avoided. A block read that
-starts at the X axis rolls over from the Z axis back to X, so the temperature is read by itself; and its zero is at
-25 degC, 8 counts per degree (AN4602).
+Registers and their meaning: LIS3MDL data sheet (DocID024204) and AN4602. Two pitfalls are avoided. A block read that
+starts at the X axis wraps from Z back to X, so the temperature is read separately; and the temperature's zero is
+25 degC, with 8 counts per degree (AN4602).
 """
 
 from __future__ import annotations
@@ -48,14 +48,14 @@ _CELSIUS = Scale(per_unit=8.0, zero=25.0, rails=(-(45 + 25) * 8, (95 - 25) * 8))
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Lis3mdlSettings:
-    """What a wire may set: range [gauss] and rate [Hz]."""
+    """Wire settings: range [gauss] and sampling rate [Hz]."""
 
     range: Annotated[float, measured("gauss", choices=tuple(_RANGES))] = 4.0
     rate: Annotated[float, measured("Hz", choices=tuple(_RATES))] = 80.0
 
 
 class Lis3mdlMagnetometer(Field):
-    """One sensor; fills the role `magnetometer`. A sample is one that was not read yet.
+    """One sensor; fills the role `magnetometer`. Each sample is a new one.
 
     Attributes:
         ranges: full scale in gauss: its code, and counts per gauss.
@@ -90,15 +90,15 @@ class Lis3mdlMagnetometer(Field):
         )
 
     def _wake(self) -> None:
-        """Set range and rate from power-down, read the settings back, and wait for the first new sample."""
+        """Configure range and rate from power-down, read the settings back, and wait for the first new sample."""
         self._registers.write(_CTRL_REG3, _POWER_DOWN)
         for register in (_CTRL_REG1, _CTRL_REG2, _CTRL_REG4, _CTRL_REG5):
             self._registers.write(register, self._controls[register - _CTRL_REG1])
-        self._last = self._registers.block(_OUT_X_L, 6)  # takes away the flag of a sample from before
+        self._last = self._registers.block(_OUT_X_L, 6)  # clears the flag of an old sample
         self._registers.write(_CTRL_REG3, _CONTINUOUS)
         self._registers.expect_block(_CTRL_REG1, self._controls)
         self._await_sample()
-        self._rejudge()
+        self._reset_stillness()
 
     def _sleep(self) -> None:
         """Put the sensor into power-down and read it back."""
@@ -106,9 +106,9 @@ class Lis3mdlMagnetometer(Field):
         self._registers.expect_block(_CTRL_REG3, bytes((_POWER_DOWN,)))
 
     def _sample(self) -> tuple[float, ...]:
-        """Wait for a sample that was not read yet, within two periods and a margin, and return it."""
-        data = self._new() if self._registers.sparing else self._new_in_two()
-        celsius = self._warmth()
+        """Wait for a new sample, for at most two sampling periods and a margin, and return it."""
+        data = self._new() if self._registers.sparing else self._new_in_two_reads()
+        celsius = self._die_temperature()
         ones = set(data) == {0xFF} and (self._registers.sparing or set(self._warm) == {0xFF})
         if ones and self.chip.name_of(self._registers) != _ITS_NAME:
             raise Garbled(self._device, "the bus reads nothing but ones", "check the sensor's power and its SDA wire")
@@ -116,15 +116,15 @@ class Lis3mdlMagnetometer(Field):
         self._stillness.judge(counts)
         return (*(self._axes.number(axis) for axis in counts), celsius)
 
-    def _read_warmth(self) -> float:
+    def _read_die_temperature(self) -> float:
         self._warm = self._registers.block(_TEMP_OUT_L, 2)
         return _CELSIUS.number(struct.unpack("<h", self._warm)[0])
 
     def _new(self) -> bytes:
-        """Return a new sample, read with the status in one transfer.
+        """Return a new sample, read together with the status in one transfer.
 
-        A sample may come between the two, and is new though the status does not say so yet: reading it took away the
-        flag. So do zeros after a reset look, whose settings have gone.
+        A sample may arrive between the two, and is new although the status did not show it yet: reading it cleared the
+        flag. Zeros after a reset look the same, but then the settings are gone.
         """
 
         def is_new() -> bool:
@@ -139,7 +139,7 @@ class Lis3mdlMagnetometer(Field):
     def _is_set(self) -> bool:
         return self._registers.block(_CTRL_REG1, len(self._controls)) == self._controls
 
-    def _new_in_two(self) -> bytes:
+    def _new_in_two_reads(self) -> bytes:
         self._await_sample()
         return self._registers.block(_OUT_X_L, 6)
 

@@ -1,15 +1,15 @@
-"""ST LSM9DS1 on an I2C bus: gyroscope and accelerometer on one die, magnetometer on another, an address each.
+"""ST LSM9DS1 on an I2C bus: gyroscope and accelerometer on one die, magnetometer on another, one address each.
 
-Registers, scales and ranges: the data sheet (DocID025715) as public drivers have it (Adafruit, SparkFun, ST). From
-memory: cut-off frequencies of the first low-pass filter, how long a gyroscope takes to start, the FIFO; filters are
-taken for Butterworth filters of second order. The data sheet tells no noise: what is expected is that of an article.
+Registers, scales and ranges: data sheet DocID025715, as implemented by public drivers (Adafruit, SparkFun, ST). From
+memory: cut-off frequencies of the first low-pass filter, start-up time of the gyroscope, the FIFO; filters are modelled
+as second-order Butterworth filters. The data sheet states no noise: the expected value is that of one unit.
 
-Traps that are avoided. The temperature is 25 degC + counts / 16 (one widely used driver has another line). The
-accelerometer's codes of ranges are not in their order. While the gyroscope runs, the accelerometer samples at its rate.
-With the gyroscope on, the FIFO's 32 levels hold both sensors, and a transfer through them goes from its axes to those
-of the accelerometer and back; beside other roles it is asked for its samples.
-The magnetometer starts in power-down, continues at the next register only where the address says so, and has no
-thermometer: that is on the other die, which measures only while something there is on.
+Pitfalls that are avoided. The temperature is 25 degC + counts / 16 (one widely used driver has another formula). The
+accelerometer's range codes are not in order of range. While the gyroscope runs, the accelerometer samples at its rate.
+With the gyroscope on, the FIFO's 32 levels hold both sensors, and a block read alternates between the axes of the
+gyroscope and of the accelerometer; beside other roles the gyroscope is polled for its samples.
+The magnetometer powers up in power-down, increments the register address only if the address says so, and has no
+thermometer: that is on the other die, which measures only while a sensor there is on.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ _CTRL_REG1_G, _CTRL_REG2_G, _CTRL_REG3_G, _CTRL_REG4, _CTRL_REG5_XL, _CTRL_REG6_
 _CTRL_REG7_XL, _CTRL_REG8, _CTRL_REG9, _FIFO_CTRL, _FIFO_SRC = 0x21, 0x22, 0x23, 0x2E, 0x2F
 _OUT_TEMP, _STATUS, _OUT_G, _OUT_XL = 0x15, 0x17, 0x18, 0x28
 _GYRO_NEW, _ACCEL_NEW, _TEMPERATURE_NEW = 0x02, 0x01, 0x04
-_RESET, _WHOLE_BLOCKS = 0x05, 0x44  # both with the increment of the address, which is on after power-on
+_RESET, _WHOLE_BLOCKS = 0x05, 0x44  # both keep address auto-increment on, as after power-on
 _ALL_AXES = 0x38
 _FIFO_ON, _BYPASS, _CONTINUOUS, _OVERRUN, _STORED = 0x02, 0x00, 0xC0, 0x40, 0x3F
 _LEVELS, _LEVEL_BYTES = 32, 12
@@ -54,7 +54,7 @@ _LONGEST_START_S = 0.5
 _TURNS = {245.0: (0b00, 8.75), 500.0: (0b01, 17.5), 2000.0: (0b11, 70.0)}
 _ACCELERATIONS = {2.0: (0b00, 0.061), 4.0: (0b10, 0.122), 8.0: (0b11, 0.244), 16.0: (0b01, 0.732)}
 _FIELDS = {4.0: (0b00, 0.14), 8.0: (0b01, 0.29), 12.0: (0b10, 0.43), 16.0: (0b11, 0.58)}
-# Rate in Hz: code, and -3 dB bandwidth in Hz. The accelerometer's slowest rates are those that it has by itself.
+# Rate in Hz: code, and -3 dB bandwidth in Hz. The accelerometer's slowest rates exist only without the gyroscope.
 _GYRO_RATES = {
     14.9: (1, 5.0), 59.5: (2, 19.0), 119.0: (3, 38.0), 238.0: (4, 76.0), 476.0: (5, 100.0), 952.0: (6, 100.0),
 }  # fmt: skip
@@ -78,7 +78,7 @@ _INERTIAL = Chip(
 
 
 def _decoded(data: bytes) -> Packets:
-    """Return the gyroscope's axes, which stand before those of the accelerometer."""
+    """Decode the gyroscope's axes, which precede the accelerometer's."""
     counts = np.frombuffer(data, dtype="<i2").reshape(-1, _LEVEL_BYTES // 2)[:, :3].astype(np.int16)
     return Packets(counts=counts, usable=np.ones(len(counts), dtype=np.bool_))
 
@@ -104,7 +104,7 @@ _FIFO = Fifo(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Lsm9ds1GyroscopeSettings:
-    """What the gyroscope's wire may set: range [deg/s], and rate of samples [Hz]."""
+    """Wire settings of the gyroscope: range [deg/s] and sampling rate [Hz]."""
 
     range: Annotated[float, measured("deg/s", choices=tuple(_TURNS))] = 245.0
     rate: Annotated[float, measured("Hz", choices=tuple(_GYRO_RATES))] = 119.0
@@ -112,17 +112,17 @@ class Lsm9ds1GyroscopeSettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Lsm9ds1AccelerometerSettings:
-    """What the accelerometer's wire may set: range [g], and rate of samples [Hz], as of a gyroscope that is wired."""
+    """Wire settings of the accelerometer: range [g] and sampling rate [Hz], the gyroscope's where one is wired."""
 
     range: Annotated[float, measured("g", choices=tuple(_ACCELERATIONS))] = 2.0
     rate: Annotated[float, measured("Hz", choices=tuple(_ACCEL_RATES))] = 119.0
 
 
 class _Inertial(SharedDie):
-    """One of the two sensors on the first die. Its class names what is its own.
+    """One of the two sensors on the first die; subclasses hold what differs.
 
     Attributes:
-        control: its register, which is 0 while it rests.
+        control: its control register, which is 0 while it is off.
     """
 
     control: ClassVar[int]
@@ -131,7 +131,7 @@ class _Inertial(SharedDie):
     controls: int
 
     def _wake(self) -> None:
-        """Reset the die unless another sensor needs it, set it up, read all back, and wait for the first sample."""
+        """Reset the die unless another sensor needs it, configure it, read all back, and wait for the first sample."""
         for other in (self.beside.get("gyroscope"), self.beside.get("accelerometer")):
             if isinstance(other, _Inertial) and other.controls >> 5 != self.controls >> 5:
                 raise Refused(
@@ -150,10 +150,10 @@ class _Inertial(SharedDie):
             self.control: self.controls,
         }
         self._registers.set(wanted)
-        self._read_outputs()  # takes away the flags of a sample from before
+        self._read_outputs()  # clears the flags of an old sample
         self._clock.sleep(_START_S)
         self._registers.expect(wanted)
-        self._rejudge()
+        self._reset_stillness()
         fault = (
             f"no new sample {_START_S + _LONGEST_START_S:.2f} s after it was switched on",
             "check the sensor's power",
@@ -168,7 +168,7 @@ class _Inertial(SharedDie):
 
     @property
     def rate(self) -> float:
-        """Nominal samples per second."""
+        """Nominal sampling rate in Hz."""
         return self._sampling.rate
 
 
@@ -230,9 +230,9 @@ class Lsm9ds1Accelerometer(_Inertial):
 
 
 class Lsm9ds1Magnetometer(Lis3mdlMagnetometer):
-    """The magnetometer: registers as of a LIS3MDL, but other scales, and the other die's thermometer.
+    """The magnetometer: registers of a LIS3MDL, but other scales, and the other die's thermometer.
 
-    The bit that switches the thermometer of a LIS3MDL on compensates this one for temperature.
+    The bit that enables a LIS3MDL's thermometer enables this one's temperature compensation.
     """
 
     chip: ClassVar[Chip] = Chip(
@@ -253,14 +253,14 @@ class Lsm9ds1Magnetometer(Lis3mdlMagnetometer):
     def _wake(self) -> None:
         """Wake the thermometer, then the magnetometer."""
         if not _any_inertial(self.beside):
-            _sample_slowly(self._inertial, _TEN_HERTZ)
-            self._read_warmth()  # takes away the flag of one from before
+            _keep_thermometer_on(self._inertial, _TEN_HERTZ)
+            self._read_die_temperature()  # clears the flag of an old one
             fault = (f"no temperature {_LONGEST_START_S} s after its die was switched on", "check the sensor's power")
             self._wait_for(self._has_temperature, _LONGEST_START_S, _START_S, fault)
         super()._wake()
 
     def _sleep(self) -> None:
-        """Put the magnetometer into power-down, and the other die unless a sensor there runs; read that back."""
+        """Power down the magnetometer, and the other die unless a sensor there runs; read that back."""
         super()._sleep()
         _rest(self._inertial, self.beside)
 
@@ -271,7 +271,7 @@ class Lsm9ds1Magnetometer(Lis3mdlMagnetometer):
     def _inertial(self) -> Registers:
         return self._registers.other or self._registers
 
-    def _read_warmth(self) -> float:
+    def _read_die_temperature(self) -> float:
         self._warm = self._inertial.block(_OUT_TEMP, 2)
         return _CELSIUS.number(int.from_bytes(self._warm, "little", signed=True))
 
@@ -288,17 +288,17 @@ class Lsm9ds1(SensorDriver):
 
 
 def _any_inertial(beside: Mapping[str, Sensor]) -> bool:
-    """Return whether gyroscope or accelerometer runs, and so the thermometer."""
+    """Return whether gyroscope or accelerometer runs, and with it the thermometer."""
     return any(each.running for each in beside.values() if isinstance(each, _Inertial))
 
 
 def _rest(registers: Registers, beside: Mapping[str, Sensor]) -> None:
-    """Where no sensor of the first die runs, leave it as a magnetometer needs it, else asleep."""
+    """If no sensor of the first die runs, put it to sleep, or leave it on for a magnetometer's thermometer."""
     field = beside.get("magnetometer")
     if not _any_inertial(beside):
-        _sample_slowly(registers, _TEN_HERTZ if field is not None and field.running else 0)
+        _keep_thermometer_on(registers, _TEN_HERTZ if field is not None and field.running else 0)
 
 
-def _sample_slowly(registers: Registers, rate: int) -> None:
-    """Let the accelerometer sample for the thermometer's sake alone, or not; read that back."""
+def _keep_thermometer_on(registers: Registers, rate: int) -> None:
+    """Set the accelerometer's rate just to keep the thermometer running, or 0 for off; read that back."""
     registers.put({_CTRL_REG6_XL: rate})

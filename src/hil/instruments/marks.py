@@ -1,6 +1,6 @@
 """Marks on a role's operations: whether they drive the bench or read it.
 
-The executive journals both, and issues only the last driving call again when a case is run again.
+The executive journals both, and reissues only the last driving call when a case is re-executed.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ def drives(operation: _Operation) -> _Operation:
 
 
 def begins(operation: _Operation) -> _Operation:
-    """Mark an operation that drives the bench and begins something: it is never issued again without its case."""
+    """Mark an operation that drives the bench and starts something: it is never reissued outside its case."""
     operation.effect = "drives"  # type: ignore[attr-defined]  # a mark on a function, read by the façade
     operation.begins = True  # type: ignore[attr-defined]  # the same
     return operation
 
 
 def reads(operation: _Operation) -> _Operation:
-    """Mark an operation that only looks."""
+    """Mark an operation that only reads."""
     operation.effect = "reads"  # type: ignore[attr-defined]  # a mark on a function, read by the façade
     return operation

@@ -1,4 +1,4 @@
-"""A Modbus RTU session on a port: what is asked again, what is not, and what became of every failure."""
+"""Modbus RTU session on a port: retries, stray bytes, and the fault that each failure becomes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ __all__ = ["ModbusSession"]
 _ATTEMPTS = 3
 _IS_EXCEPTION = 0x80
 _MOST_SHOWN = 32
-_ENVELOPE = 5  # unit, function, byte count, and two bytes of checksum
+_ENVELOPE = 5  # unit, function, byte count, and two checksum bytes
 # Modbus Application Protocol Specification V1.1b3, section 7.
 _EXCEPTIONS = {
     1: "it does not know this function",
@@ -36,9 +36,9 @@ _T = TypeVar("_T")
 class ModbusSession:
     """The host's end of one Modbus RTU line to one unit.
 
-    Reads are asked again where nothing or nonsense comes; writes are sent once, and the driver
-    reads back their outcomes. A reply does not say which of two equal questions it belongs to, so
-    nothing may wait before a read, and a read that proves something is followed by a quiet gap.
+    Reads are retried on silence or malformed replies; writes are sent once, and the driver reads back
+    their outcome. A reply does not show which of two equal requests it answers, so no bytes may be
+    waiting before a read, and a read that proves something is followed by a quiet gap.
 
     Args:
         device: the instrument's name in the bench file, for messages.
@@ -67,16 +67,16 @@ class ModbusSession:
 
     @property
     def discarded(self) -> int:
-        """How many bytes came that nobody had asked for."""
+        """Number of unsolicited bytes received."""
         return self._client.discarded
 
     def must_be_quiet(self, gap: float = 0.0) -> None:
-        """Refuse bytes that came unasked, or come within `gap` seconds, 0.5 at most.
+        """Refuse unsolicited bytes that are waiting, or arrive within `gap` seconds, 0.5 at most.
 
-        After a fault some may be owed; the next exchange waits for those and throws them away.
+        After a fault late replies are expected; the next exchange waits for them and discards them.
 
         Raises:
-            Garbled: something came; it may be the reply that another request should have got.
+            Garbled: something came; it may be the reply to another request.
             NoReply: the port failed.
         """
         if not self._settled:
@@ -94,7 +94,7 @@ class ModbusSession:
             )
 
     def read_coils(self, address: int, count: int) -> tuple[bool, ...]:
-        """Read `count` coils from `address` on (function 01)."""
+        """Read `count` coils starting at `address` (function 01)."""
 
         def parse(reply: Reply) -> tuple[bool, ...]:
             self._must_measure(_ENVELOPE + (count + 7) // 8)
@@ -104,7 +104,7 @@ class ModbusSession:
         return self._read(asked, 1, question(1, address, count, self._unit), parse)
 
     def read_holding(self, address: int, count: int) -> tuple[int, ...]:
-        """Read `count` holding registers from `address` on (function 03)."""
+        """Read `count` holding registers starting at `address` (function 03)."""
 
         def parse(reply: Reply) -> tuple[int, ...]:
             self._must_measure(_ENVELOPE + 2 * count)
@@ -119,12 +119,12 @@ class ModbusSession:
         self._exchange(asked, 5, coil(address, on, self._unit), self._must_echo)
 
     def write_timed_coil(self, address: int, tenths: int) -> None:
-        """Switch one coil on for tenths of a second (function 05, a vendor's value); the unit echoes the request."""
+        """Switch one coil on for `tenths` x 0.1 s (function 05, a vendor's value); the unit echoes the request."""
         asked = f"coil {address:#06x} on for {tenths / 10:g} s"
         self._exchange(asked, 5, timed_coil(address, tenths, self._unit), self._must_echo)
 
     def write_coils(self, address: int, values: Sequence[bool]) -> None:
-        """Switch coils from `address` on (function 0F); the unit repeats address and count."""
+        """Write consecutive coils starting at `address` (function 0F); the unit repeats address and count."""
 
         def parse(reply: Reply) -> None:
             if (reply.address, reply.count) != (address, len(values)):
@@ -143,7 +143,7 @@ class ModbusSession:
             raise ValueError(f"the echo {self._client.sent.hex(' ')}")
 
     def _must_measure(self, size: int) -> None:
-        """Refuse a reply of another size; pymodbus takes what comes, half registers too."""
+        """Refuse a reply of the wrong size; pymodbus accepts any, even half registers."""
         if len(self._client.received) != size:
             raise ValueError(f"one frame of {size} bytes")
 
@@ -158,11 +158,11 @@ class ModbusSession:
         raise faults[0]
 
     def _exchange(self, asked: str, function: int, request: bytes, parse: Callable[[Reply], _T]) -> _T:
-        """Make one request and judge its reply.
+        """Send one request and check its reply.
 
         Raises:
             NoReply: not one byte came, or the port failed.
-            Garbled: what came is no reply to this request.
+            Garbled: the bytes received are not a reply to this request.
             Rejected: the unit answered with an exception.
         """
         try:

@@ -1,4 +1,4 @@
-"""The thermal role over Modbus: what temperature controllers have in common, whatever their registers."""
+"""Role `thermal` over Modbus: what temperature controllers share, whatever their registers."""
 
 from __future__ import annotations
 
@@ -21,32 +21,32 @@ from hil.model.notation import whole
 
 __all__ = ["ModbusThermal", "ModbusThermalDriver", "ThermalSettings", "signed"]
 
-_MOST_DECIMALS = 2  # of a display; more would leave no room for temperatures in a register
+_MOST_DECIMALS = 2  # of a display; more would leave too little range in a register
 _FACTORY_UNIT = 1
 _QUIET_S = 0.02
 _OUTPUT_GONE_S = 2.0
-"""The control loop needs a turn before its output shows the mode."""
+"""Time until the output reflects a change of mode."""
 _PAUSE_S = 0.1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ThermalSettings:
-    """What a wire may set: decimals of the display."""
+    """Wire settings: decimals of the display."""
 
     decimals: Annotated[int, whole(0, _MOST_DECIMALS)] = 1
 
 
 class ModbusThermal(ABC):
-    """One loop of a temperature controller on Modbus; fills the role `thermal`. Makes of controllers derive from it.
+    """One control loop on Modbus; fills the role `thermal`. Base class of each make of controller.
 
     Args:
         name: the wire's dotted name.
         device: the instrument's name, for messages.
         session: its session.
         clock: the bench's clock.
-        clamps: how far its setpoint may be set; the quantity is `temperature`.
-        channel: of the wire, by which clamps are found.
-        decimals: how many the display shows; everything about temperature is wrong by powers of ten otherwise.
+        clamps: clamps on its setpoint, quantity `temperature`.
+        channel: channel of the wire, for looking up clamps.
+        decimals: decimals of the display; a wrong number scales every temperature by powers of ten.
     """
 
     def __init__(
@@ -67,15 +67,15 @@ class ModbusThermal(ABC):
         self._clamps = clamps
         self._channel = channel
         self._decimals = decimals
-        self._agreed = False
+        self._display_checked = False
 
     @drives
     def hold(self, temperature: float) -> None:
-        """Regulate to a setpoint [degC]: setpoint first, then whatever lets it regulate; all are read back.
+        """Regulate to a setpoint [degC]: write the setpoint, then enable regulation; all are read back.
 
         Raises:
-            ClampExceeded: the setpoint is not permitted; nothing was sent.
-            Rejected: the display is not as the wiring says, or something reads back otherwise.
+            ClampExceeded: the setpoint exceeds a clamp; nothing was sent.
+            Rejected: the display differs from the wiring, or a setting reads back differently.
         """
         self._clamps.permit(self._channel, "temperature", temperature)
         scaled = temperature * 10**self._decimals
@@ -83,18 +83,18 @@ class ModbusThermal(ABC):
             raise Refused(
                 f"{self._name}: {temperature:g} degC does not fit in a register", "ask for another temperature"
             )
-        self._agreed = False
-        self._agree_once()
+        self._display_checked = False
+        self._check_display_once()
         self._regulate(round(scaled) & 0xFFFF)
 
     @drives
     def standby(self) -> None:
-        """Stop regulating, by which control outputs are off, and wait until the output reads 0 %.
+        """Stop regulating, which turns the control outputs off, and wait until the output reads 0 %.
 
         Raises:
-            Rejected: it continues, or says that its output is still on.
+            Rejected: the controller keeps regulating, or reports its output as still on.
         """
-        self._halt()
+        self._stop_regulating()
         deadline = self._clock.now() + _OUTPUT_GONE_S
         while self._power():
             if self._clock.now() >= deadline:
@@ -105,58 +105,58 @@ class ModbusThermal(ABC):
 
     @reads
     def temperature(self) -> Figure:
-        """Return the process value in degC; NaN where the controller says that its sensor is broken or over range."""
-        self._agree_once()
+        """Return the process value in degC; NaN where the controller reports a sensor break or over-range."""
+        self._check_display_once()
         raw = self._process_value()
         return Figure(value=math.nan if self._sensor_fails() else self._scaled(raw), unit="degC")
 
     @reads
     def setpoint(self) -> Figure:
         """Return the working setpoint in degC."""
-        self._agree_once()
+        self._check_display_once()
         return Figure(value=self._scaled(self._working_setpoint()), unit="degC")
 
     @reads
     def output(self) -> Figure:
-        """Return the working output in %, negative while it cools."""
+        """Return the working output in %, negative while cooling."""
         return Figure(value=self._power() / 10, unit="%")
 
     @abstractmethod
-    def _agree(self) -> None:
-        """Compare the display with the wiring; Rejected if every temperature would be another one."""
+    def _check_display(self) -> None:
+        """Compare the display with the wiring; Rejected if temperatures would be scaled wrongly."""
 
     @abstractmethod
     def _regulate(self, setpoint: int) -> None:
-        """Set the setpoint, as a register has it, and regulate to it."""
+        """Write the setpoint's register value, and enable regulation."""
 
     @abstractmethod
-    def _halt(self) -> None:
+    def _stop_regulating(self) -> None:
         """Stop regulating."""
 
     @abstractmethod
     def _process_value(self) -> int:
-        """Read the register of the process value."""
+        """Read the process value's register."""
 
     @abstractmethod
     def _working_setpoint(self) -> int:
-        """Read the register of the setpoint that counts."""
+        """Read the working setpoint's register."""
 
     @abstractmethod
     def _sensor_fails(self) -> bool:
-        """Read whether the sensor is broken or over range."""
+        """Read whether the controller reports a sensor break or over-range."""
 
     @abstractmethod
     def _power(self) -> int:
-        """Read the working output in tenths of a percent, negative while it cools."""
+        """Read the working output in tenths of a percent, negative while cooling."""
 
-    def _agree_once(self) -> None:
-        """Compare the display with the wiring, once and before every setpoint."""
-        if not self._agreed:
-            self._agree()
-            self._agreed = True
+    def _check_display_once(self) -> None:
+        """Compare the display with the wiring, unless that has been done."""
+        if not self._display_checked:
+            self._check_display()
+            self._display_checked = True
 
     def _set(self, register: int, value: int, what: str) -> None:
-        """Write a register where it differs, and read it back. See `_prove`."""
+        """Write a register if it differs, and read it back. See `_prove`."""
 
         def differs(found: int) -> str:
             return "" if found == value else f"was set to {signed(value)} and reads back {signed(found)}"
@@ -166,21 +166,21 @@ class ModbusThermal(ABC):
         )
 
     def _prove(self, what: str, write: Callable[[], None], differs: Callable[[], str]) -> None:
-        """Write where something differs, and read it back, with silence after that: no stale frame was read.
+        """Write if something differs, and read back, followed by silence as proof that no stale frame was read.
 
         Args:
-            what: is set, for the message.
+            what: what is set, for the message.
             write: writes it.
-            differs: reads it, and says what is wrong with it; empty if it is as it should be.
+            differs: reads it and describes what differs; empty if it is as wanted.
 
         Raises:
-            NoReply: nothing came, or the echo was lost and it is otherwise.
-            Garbled: the same with nonsense, or something came that nobody had asked for.
-            Rejected: the instrument refused, or reads back otherwise.
+            NoReply: no reply, or the echo was lost and the value is not as wanted.
+            Garbled: the same for a malformed reply, or unsolicited bytes came.
+            Rejected: the instrument refused, or reads back differently.
         """
         stray = self._stray()
         fault: DeviceFault | None = None
-        if self._may_differ(differs):
+        if self._write_is_due(differs):
             try:
                 write()
             except (NoReply, Garbled) as error:
@@ -194,15 +194,15 @@ class ModbusThermal(ABC):
                 self._device, f"{self._name}: {what} {wrong}", "check its setpoint limits and its access level"
             )
 
-    def _may_differ(self, differs: Callable[[], str]) -> bool:
-        """Return whether a write is due; where nobody can tell, it is, because it may be what makes the bench safe."""
+    def _write_is_due(self, differs: Callable[[], str]) -> bool:
+        """Return whether a write is due; if unknown, it is, because the write may be what makes the bench safe."""
         try:
             return bool(differs())
         except (NoReply, Garbled):
             return True
 
     def _stray(self) -> DeviceFault | None:
-        """Return what is wrong before a write; it leaves all the same."""
+        """Return the fault found before a write, which is sent all the same."""
         try:
             self._session.must_be_quiet()
         except DeviceFault as fault:
@@ -217,13 +217,13 @@ class ModbusThermal(ABC):
 
 
 class ModbusThermalDriver:
-    """A driver for controllers of one make: role `thermal` on the one loop.
+    """Base driver for controllers of one make: role `thermal` on their single loop.
 
-    The instrument's `address` is its unit address; 0 stands for the factory's 1.
+    The instrument's `address` is its unit address; 0 stands for the factory setting, 1.
 
     Attributes:
         name: the driver's name in bench files.
-        loop: what fills the role.
+        loop: the class that fills the role.
     """
 
     roles: ClassVar[frozenset[str]] = frozenset({"thermal"})
@@ -241,7 +241,7 @@ class ModbusThermalDriver:
         )
 
     def role(self, wire: Wire) -> Thermal:
-        """Return the loop with the decimals that the wire names, 1 by default."""
+        """Return the loop with the wire's number of decimals, 1 by default."""
         if wire.role not in self.roles:
             raise Refused(
                 f"wiring {wire.name}: the driver {self.name} does not fill the role {wire.role}",
@@ -259,5 +259,5 @@ class ModbusThermalDriver:
 
 
 def signed(raw: int) -> int:
-    """Return a register as a signed number."""
+    """Return a 16-bit register as a signed number."""
     return raw - 0x10000 if raw & 0x8000 else raw

@@ -1,4 +1,4 @@
-"""Driver of the Newport ESP301 motion controller with a rotation stage.
+"""Newport ESP301 motion controller with a rotation stage.
 
 Commands: ESP301 Integrated 3-Axis Motion Controller/Driver, User's Manual (EDH0235En1030), as far as public drivers and
 excerpts show them; the list of what is assumed is in docs/reference/bench-file.md. The controller is never reset, and
@@ -33,24 +33,24 @@ __all__ = ["Motion", "NewportEsp301", "Table", "TableSettings"]
 _AXES = (1, 2, 3)
 _STAGE_AXIS = 1
 _VERSION = re.compile(r"(ESP\d+[-\w]*)\s+Version\s+(.+)", re.ASCII | re.IGNORECASE)
-_NO_SUCH_AXIS, _NOT_CONNECTED = 9, 8  # the latter after the number of the axis
+_NO_SUCH_AXIS, _NOT_CONNECTED = 9, 8  # the latter is preceded by the axis number
 _TURN = 360.0
 _DEGREE = 7
 _DECIMALS = 4
 _LONGEST_RAMP_S = 5.0
 _SETTLED_WITHIN_S = 1.5
 _LEAST_AT_RATE_S = 1.0
-"""A movement that could not even be proven and stopped again is not begun."""
+"""Shortest time at rate: a movement too short to be proven and stopped is not started."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TableSettings:
-    """What a wire may set.
+    """Wire settings.
 
     Attributes:
-        acceleration: of the table [deg/s2].
-        tolerance: of its rate [deg/s].
-        accuracy: of its encoder [deg].
+        acceleration: acceleration of the table [deg/s2].
+        tolerance: tolerance on its rate [deg/s].
+        accuracy: accuracy of its encoder [deg].
     """
 
     acceleration: Annotated[float, measured("deg/s2", above=0)] = 20.0
@@ -74,9 +74,9 @@ class NewportEsp301:
         self._session = EspSession(connection.device, connection.port, connection.clock, timeout=connection.timeout)
 
     def identify(self) -> Identity:
-        """Ask the controller for its version, and the first axis for its stage, whose serial number counts.
+        """Query the controller's version and the first axis's stage, whose serial number identifies the table.
 
-        A stage without data of its own says nothing, or `Unknown`; then there is no serial number.
+        A stage without identification data reports nothing, or `Unknown`; then there is no serial number.
         """
         model, firmware = self._session.query("VE?", _as_version)
         try:
@@ -88,7 +88,7 @@ class NewportEsp301:
         return Identity(model=model, serial=serial, firmware=firmware)
 
     def outlets(self) -> Sequence[Outlet]:
-        """Ask every axis that the controller has whether its motor is on or it moves."""
+        """Query, for every axis of the controller, whether its motor is on or it is moving."""
         return tuple(Outlet(axis, on) for axis in _AXES if (on := self._on(axis)) is not None)
 
     def role(self, wire: Wire) -> RotationTable:
@@ -109,7 +109,7 @@ class NewportEsp301:
         )
 
     def _on(self, axis: int) -> bool | None:
-        """Return whether an axis is on, None where there is none: not one of a wire, and refused twice."""
+        """Return whether an axis is on, None where it does not exist: it is not wired, and was refused twice."""
         for _ in range(2):
             try:
                 powered = self._session.query(f"{axis}MO?", as_flag)
@@ -138,7 +138,7 @@ def _as_serial(reply: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """How the table moves: acceleration [deg/s2], and how far from its command its rate may be [deg/s]."""
+    """Motion parameters: acceleration [deg/s2] and rate tolerance [deg/s]."""
 
     acceleration: float
     tolerance: float
@@ -147,19 +147,19 @@ class Motion:
 class Table:
     """One rotation table; fills the role `rotation_table`.
 
-    Rates come from the encoder. Motor power is on from a permitted rate to the proven stop only. The clamp `turns`
-    holds for the way from where the table stood when the bench was armed: a movement that would leave it is refused,
-    and one that ends is stopped by whatever reads the encoder next, the envelope's monitors included.
+    Rates are measured by the encoder. Motor power is on only from a permitted rate until the proven stop. The clamp
+    `turns` limits the travel from the position at arm: a movement that would exceed it is refused, and one about to
+    exceed it is stopped by the next read of the encoder, the envelope's monitors included.
 
     Args:
         name: the wire's dotted name.
         device: the instrument's name, for messages.
         session: the controller's session.
         clock: the bench's clock.
-        clamps: what the table may be told.
-        axis: number of the axis.
-        encoder: of that axis.
-        motion: how it moves.
+        clamps: the clamps on the table.
+        axis: axis number.
+        encoder: the axis's encoder.
+        motion: motion parameters.
     """
 
     def __init__(
@@ -188,14 +188,14 @@ class Table:
 
     @drives
     def set_rate(self, rate: float) -> None:
-        """Turn steadily at a rate [deg/s] and wait until the encoder shows it; 0 stops.
+        """Turn at a constant rate [deg/s], and wait until the encoder confirms it; 0 stops.
 
-        A table that turns is stopped first.
+        A turning table is stopped first.
 
         Raises:
-            ClampExceeded: rate, or the turns that it would take, are not permitted; nothing was set.
-            Refused: the stage or the acceleration cannot do it.
-            Rejected: the controller refused, or the encoder does not show the rate; the table was stopped.
+            ClampExceeded: the rate, or the turns that it would take, exceed a clamp; nothing was set.
+            Refused: the stage or the acceleration does not allow it.
+            Rejected: the controller refused, or the encoder does not confirm the rate; the table was stopped.
         """
         if not math.isfinite(rate):
             raise Refused(f"{self._name}: {rate} is not a rate", "give a finite number")
@@ -213,10 +213,10 @@ class Table:
 
     @drives
     def stop(self) -> None:
-        """Stop, wait until the encoder stands still, and switch the motor off; the bytes leave first.
+        """Stop, wait until the encoder is at rest, and switch the motor off; the bytes leave at once.
 
         Raises:
-            Rejected: the table continues, or its motor stays on, or the error buffer held something.
+            Rejected: the table keeps turning, its motor stays on, or the error buffer was not empty.
         """
         slowing = abs(self._commanded) / self._motion.acceleration
         queued = self._session.urgent(f"{self._axis}ST")
@@ -239,53 +239,53 @@ class Table:
 
     @reads
     def angle(self) -> Figure:
-        """Return the encoder's angle in deg; full turns are counted."""
-        return self._encoder.angle(self._look())
+        """Return the encoder's angle in deg, not wrapped at full turns."""
+        return self._encoder.angle(self._read_encoder())
 
     @reads
     def reading(self) -> tuple[Figure, Figure]:
-        """Return the encoder's angle in deg, and the bench's time in s at which it was taken."""
-        seen = self._look()
+        """Return the encoder's angle in deg, and the bench time in s at which it was read."""
+        seen = self._read_encoder()
         return self._encoder.angle(seen), self._encoder.instant(seen)
 
     @reads
     def turns(self) -> Figure:
-        """Return the turns since the bench was armed."""
-        seen = self._look()
+        """Return the number of turns since arm."""
+        seen = self._read_encoder()
         uncertainty = (self._encoder.angle(seen).uncertainty or 0.0) / _TURN
         return Figure(value=self._turns(seen), unit="turn", uncertainty=uncertainty)
 
     @reads
     def rate(self) -> Figure:
-        """Return the rate in deg/s from the encoder's angle over time, never from the command's echo."""
-        self._look()
+        """Return the rate in deg/s from the encoder's angle over time, never the commanded rate."""
+        self._read_encoder()
         return self._encoder.rate()
 
     @reads
     def at_rest(self) -> bool:
-        """Return whether the encoder's angle does not change."""
+        """Return whether the encoder's angle is constant."""
         return self._encoder.at_rest()
 
     @reads
     def longest(self, rate: float) -> Figure:
-        """Return how long the table may turn at a rate from where it is [s]; ramps are taken off, 0 is not at all."""
+        """Return how long the table may turn at a rate from its present position [s], less ramps; 0 if not at all."""
         bounds = self._clamps.bounds(self._axis, "turns")
         if not rate:
             return Figure(value=math.inf, unit="s")
         end = bounds[1] if rate > 0 else bounds[0]
-        left = abs(end - self._turns(self._look())) * _TURN - 2 * self._ramp(rate)
+        left = abs(end - self._turns(self._read_encoder())) * _TURN - 2 * self._ramp(rate)
         return Figure(value=max(0.0, left / abs(rate)), unit="s")
 
     def safe_bytes(self, state: str, proof: Proof | None = None) -> SafeBytes:
-        """Return the bytes of stop and power off; see `hil.instruments.roles.SafeByBytes`.
+        """Return the bytes that stop and switch the motor off; see `hil.instruments.roles.SafeByBytes`.
 
-        Standstill is always asked of the encoder; a rate also of the controller, which may report what it commands.
+        The encoder always proves standstill; a rate is also queried from the controller, which may report its command.
         """
         must_be_state(ROTATION_TABLE, self._name, state)
         return stopped(self._axis, own_bounds(self._name, proof, "rate"), self._session.timeout)
 
-    def _look(self) -> Reading:
-        """Take a reading; a table that is about to leave its turns is stopped."""
+    def _read_encoder(self) -> Reading:
+        """Read the encoder; stop a table that is about to exceed its turns."""
         seen = self._encoder.look()
         if self._armed_at is None:
             self._armed_at = seen.angle
@@ -303,7 +303,7 @@ class Table:
         return (seen.angle - armed_at) / _TURN
 
     def _ramp(self, rate: float) -> float:
-        """Return the way of one ramp [deg]."""
+        """Return the travel during one ramp [deg]."""
         return rate * rate / (2 * self._motion.acceleration)
 
     def _must_be_possible(self, rate: float) -> None:
@@ -326,8 +326,8 @@ class Table:
             )
 
     def _must_have_room(self, rate: float) -> None:
-        """Refuse a movement that leaves the harness's turns, or the controller's limits, before it can be stopped."""
-        seen = self._look()
+        """Refuse a movement that would exceed the harness's turns or the controller's limits before it can stop."""
+        seen = self._read_encoder()
         way = math.copysign(2 * self._ramp(rate) + abs(rate) * _LEAST_AT_RATE_S, rate)
         self._clamps.permit(self._axis, "turns", self._turns(seen) + way / _TURN)
         low, high = (self._session.query(f"{self._axis}{side}?", as_decimal) for side in ("SL", "SR"))
@@ -359,11 +359,11 @@ class Table:
             )
 
     def _wait_for(self, rate: float) -> None:
-        """Wait out the ramp, then for the rate; a table that does not reach it is stopped and reported."""
+        """Wait for the ramp, then for the rate; a table that does not reach it is stopped and reported."""
         self._clock.sleep(abs(rate) / self._motion.acceleration)
         deadline = self._clock.now() + _SETTLED_WITHIN_S
         while True:
-            self._look()
+            self._read_encoder()
             shown = self._encoder.rate().value
             if abs(shown - rate) <= self._motion.tolerance:
                 return
@@ -381,7 +381,7 @@ class Table:
         )
 
     def _comes_to_rest(self, slowing: float) -> bool:
-        """Wait until the encoder stands still, for as long as the ramp takes and a little more."""
+        """Wait until the encoder is at rest, for the duration of the ramp and a margin."""
         deadline = self._clock.now() + slowing + _SETTLED_WITHIN_S
         while not self._encoder.at_rest():
             if self._clock.now() >= deadline:

@@ -1,4 +1,4 @@
-"""The encoder of one axis: its angle with the instant at which it was taken, and the rate over a window."""
+"""Encoder of one axis: its angle with the time of reading, and the rate over a window."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ __all__ = ["Encoder", "Reading", "stopped"]
 
 _WINDOW_S = 0.2
 _BENCH_CLOCK = 1e-4
-"""Relative standard uncertainty of the bench's clock: a quartz without a certificate."""
+"""Relative standard uncertainty of the bench's clock, an uncertified quartz."""
 _GAP_S = 0.03
 _BETWEEN = 16
 _ALL_S = 0.3
-"""What so many questions and replies take on the line at 9600 baud."""
+"""Time on the line for all these queries and replies at 9600 baud."""
 _VERSION = rb"(?:\A|\n)ESP\d+[-\w]* +(?i:Version) [^\r\n]*\r\n"
 _END = rb" *\r\n"
 
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """One look at the encoder.
+    """One reading of the encoder.
 
     Attributes:
-        angle: in deg; full turns are counted.
-        at: seconds of the bench's clock, in the middle between question and reply.
-        within: half of the time between question and reply [s].
+        angle: angle in deg, not wrapped at full turns.
+        at: bench time in s, midway between query and reply.
+        within: half of the time between query and reply [s].
     """
 
     angle: float
@@ -40,12 +40,12 @@ class Reading:
 
 
 class Encoder:
-    """Reads angles, and never the commanded velocity.
+    """The axis's encoder; the commanded velocity is never used.
 
     Args:
         session: the controller's session.
         clock: the bench's clock.
-        axis: its number.
+        axis: axis number.
         accuracy: standard uncertainty of one angle, from the stage's certificate [deg].
     """
 
@@ -57,7 +57,7 @@ class Encoder:
         self._resolution: float | None = None
 
     def resolution(self) -> float:
-        """Return the encoder's step [deg]; it is asked once."""
+        """Return the encoder's resolution [deg]; queried once."""
         if self._resolution is None:
             self._resolution = self._session.query(f"{self._axis}SU?", _as_step)
         return self._resolution
@@ -68,12 +68,12 @@ class Encoder:
         return Reading(angle, (times.sent + times.received) / 2, (times.received - times.sent) / 2)
 
     def angle(self, reading: Reading) -> Figure:
-        """Return the angle of a reading: its step is a uniform distribution (GUM 4.3.7), the certificate adds."""
+        """Return a reading's angle; uncertainty: uniform over one step (GUM 4.3.7), combined with the certificate's."""
         step = self.resolution() / math.sqrt(12)
         return Figure(value=reading.angle, unit="deg", uncertainty=math.hypot(step, self._accuracy))
 
     def instant(self, reading: Reading) -> Figure:
-        """Return when a reading was taken: anywhere between question and reply."""
+        """Return the time of a reading, uniform between query and reply."""
         return Figure(value=reading.at, unit="s", uncertainty=reading.within / math.sqrt(3))
 
     def window(self) -> tuple[Reading, Reading]:
@@ -83,7 +83,7 @@ class Encoder:
         return first, self.look()
 
     def rate(self) -> Figure:
-        """Return the rate over a window in deg/s; encoder, both instants and the bench's clock make its uncertainty."""
+        """Return the rate over a window in deg/s; its uncertainty combines encoder, both instants and bench clock."""
         first, last = self.window()
         seconds = last.at - first.at
         rate = (last.angle - first.angle) / seconds
@@ -106,24 +106,24 @@ def _as_step(reply: str) -> float:
 
 
 def stopped(axis: int, rate: tuple[float, float] | None, within_s: float) -> SafeBytes:
-    """Return the bytes that stop one axis, and show that the table stands still.
+    """Return the bytes that stop one axis and prove standstill.
 
-    A killed program may have left half a line, and a carriage return would let the controller execute it: `1MV+` begins
-    a movement. So the first thing sent is `VE?`: after half a line it makes nonsense of it, after nothing it changes
-    nothing. The error buffer is left as it is.
+    A killed program may have left half a line, which a carriage return would execute: `1MV+` starts a movement. So the
+    first thing sent is `VE?`: appended to half a line it makes that invalid, on its own it changes nothing. The error
+    buffer is left as it is.
 
-    The driver cuts the motor's power when the encoder stands still. Here nobody waits for that: power goes right after
-    the stop, as at an emergency stop, and what still turns runs out by friction. So a controller that does not obey its
-    stop is stopped too.
+    The driver switches the motor off once the encoder is at rest. Here there is no such wait: power goes off right
+    after the stop, as at an emergency stop, and the table coasts down by friction. So a table whose controller ignores
+    the stop is stopped too.
 
-    Whether the table stands is asked of its encoder: two angles that agree, with as many questions between them that
-    some hundredths of a second pass. All leave at once, because only replies to one question can be compared with each
+    Standstill is proven by the encoder: two equal angles, with enough queries between them for some hundredths of a
+    second to pass. All are sent together, because only replies within one exchange can be compared with each
     other.
 
     Args:
-        axis: its number.
-        rate: bounds of the velocity that the controller reports [deg/s], None if it is not to be asked.
-        within_s: how long a reply may take [s].
+        axis: axis number.
+        rate: bounds of the velocity that the controller reports [deg/s], None to skip that query.
+        within_s: reply timeout [s].
     """
     asked = [_asked("VE?", _VERSION, within_s), _asked(f"{axis}MD?", rb"\A *1" + _END, within_s)]
     asked.append(_asked(*_standing(axis), within_s + _ALL_S))
@@ -139,7 +139,7 @@ def stopped(axis: int, rate: tuple[float, float] | None, within_s: float) -> Saf
 
 
 def _standing(axis: int) -> tuple[str, bytes]:
-    """Return questions and replies of a motor without power, and of a table within 0.001 deg before and after them."""
+    """Return the queries and reply patterns of a motor that is off and a table that moves less than 0.001 deg."""
     angle, powered = f"{axis}TP?", f"{axis}MO?"
     questions = "\r".join((angle, *[powered] * _BETWEEN, angle))
     replies = rb"\A *([+-]?\d+\.\d{3})\d*" + _END + rb"(?: *0" + _END + rb"){%d} *\1\d*" % _BETWEEN + _END

@@ -1,9 +1,9 @@
-"""A dialogue with an ESP301: every exchange ends with the error buffer, whose time proves that the reply is fresh.
+"""Session with an ESP301: every exchange ends with the error buffer, whose timestamp proves that the reply is fresh.
 
-The controller answers line by line, and a reply does not say which question it belongs to. So `TB?` follows every
-command: its reply has a form of its own, empties the error buffer, and gives the controller's time in ticks of 0.4 ms.
-A stray line before a question is refused, one between question and reply displaces the reply of `TB?`, and a stale
-reply shows a controller's clock that did not advance with the bench's.
+The controller answers line by line, and a reply does not show which query it answers. So `TB?` follows every command:
+its reply has a distinct form, empties the error buffer, and gives the controller's time in ticks of 0.4 ms. A stray
+line before a query is refused, one between query and reply displaces the reply of `TB?`, and in a stale reply the
+controller's clock has not advanced with the bench's.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _END = b"\r\n"
 _TICK_S = 4e-4
 _SLACK_S = 0.02
 _SLACK = 1e-3
-"""How far the clocks of controller and bench may run apart: quartz is a tenth of it."""
+"""Largest relative difference of the clocks of controller and bench; a quartz has a tenth of it."""
 
 _DEEPEST = 12
 _MOST_SHOWN = 60
@@ -40,7 +40,7 @@ _T = TypeVar("_T")
 
 @dataclass(frozen=True, slots=True)
 class Exchange:
-    """When a question began to leave and its reply had come [s of the bench's clock]; between them it was answered."""
+    """Bench times in s at which sending a query began and its reply was complete; it was answered in between."""
 
     sent: float
     received: float
@@ -60,9 +60,9 @@ class EspRefused(Rejected):
 
 
 class EspSession:
-    """The host's end.
+    """The host's end of the line.
 
-    Questions are asked again where nothing or nonsense comes. Settings are sent once.
+    Queries are retried on silence or malformed replies. Settings are sent once.
 
     Args:
         device: the instrument's name in the bench file, for messages.
@@ -82,21 +82,21 @@ class EspSession:
 
     @property
     def discarded(self) -> int:
-        """How many bytes came that nobody had asked for."""
+        """Number of unsolicited bytes received."""
         return self._discarded
 
     def query(self, command: str, parse: Callable[[str], _T]) -> _T:
-        """Ask, and return the parsed reply.
+        """Send a query, and return the parsed reply.
 
         Raises:
-            NoReply: nothing, or half a line, came each time.
-            Garbled: what came is no reply to this question, or nobody had asked for it.
+            NoReply: no attempt got a complete line.
+            Garbled: the line is not a reply to this query, or unsolicited bytes came.
             Rejected: the controller had an error in its buffer.
         """
         return self.timed(command, parse)[0]
 
     def timed(self, command: str, parse: Callable[[str], _T]) -> tuple[_T, Exchange]:
-        """Ask, and return the parsed reply and when it was asked and answered; errors as for `query`."""
+        """Send a query, and return the parsed reply and the times of query and reply; errors as for `query`."""
 
         def ask() -> tuple[_T, Exchange]:
             text, times = self._exchange(command, replies=True)
@@ -106,7 +106,7 @@ class EspSession:
                 raise self._garbled(command, str(error), text) from None
 
         self._must_be_known()
-        return self._again(ask)
+        return self._with_retries(ask)
 
     def setting(self, command: str) -> None:
         """Send a setting once.
@@ -124,28 +124,28 @@ class EspSession:
             raise
 
     def urgent(self, command: str) -> tuple[str, ...]:
-        """Let a setting leave before anything else, and return what the error buffer held then."""
+        """Send a setting before anything else, and return the entries of the error buffer after it."""
         self._write(command)
-        # What came before it, and what it lets come, is dealt with afterwards: a stop does not wait.
+        # Stray bytes are dealt with afterwards: a stop does not wait.
         self._in_step = False
         return self.errors()
 
     def errors(self) -> tuple[str, ...]:
-        """Take every entry out of the error buffer, oldest first."""
+        """Empty the error buffer, and return its entries, oldest first."""
         queued: list[str] = []
         while len(queued) < _DEEPEST:
-            status = self._again(self._status_alone)
+            status = self._with_retries(self._status_alone)
             if not status.code:
                 return tuple(queued)
             queued.append(_told(status))
         raise Garbled(self._device, f"errors keep coming, the newest {queued[-1]}", "switch it off and on")
 
     def _must_be_known(self) -> None:
-        """Before the first exchange take out what others left in the buffer: it is not held against our commands."""
+        """Empty the error buffer before the first exchange, so that old entries are not held against our commands."""
         if self._reference is None:
             self.errors()
 
-    def _again(self, ask: Callable[[], _T]) -> _T:
+    def _with_retries(self, ask: Callable[[], _T]) -> _T:
         self._must_be_quiet()
         faults: list[DeviceFault] = []
         while len(faults) < _ATTEMPTS:
@@ -159,12 +159,12 @@ class EspSession:
         raise faults[0]
 
     def _exchange(self, command: str, *, replies: bool) -> tuple[str, Exchange]:
-        """Send a command and `TB?`, and return the reply; entries of the buffer are raised."""
+        """Send a command and `TB?`, and return the reply; entries of the error buffer are raised."""
         sent = self._clock.now()
         self._write(f"{command}\rTB?")
         text = self._line(command) if replies else ""
         times = Exchange(sent, self._clock.now())
-        # A question that is refused has no reply: the first line is that of `TB?` already.
+        # A refused query has no reply: the first line is already that of `TB?`.
         refused = replies and _STATUS.fullmatch(text) is not None
         status = self._status(text if refused else self._line("TB?"), sent)
         if status.code:
@@ -186,7 +186,7 @@ class EspSession:
         return self._status(self._line("TB?"), sent)
 
     def _status(self, line: str, sent: float) -> _Status:
-        """Read a reply of `TB?`; the time of one without an error must advance with the bench's."""
+        """Parse a reply of `TB?`; without an error its time must have advanced with the bench's."""
         match = _STATUS.fullmatch(line)
         if match is None:
             raise self._garbled("TB?", "code, time and text", line)
@@ -210,7 +210,7 @@ class EspSession:
         self._reference = (now, ticks)
 
     def _settle(self) -> None:
-        """Throw away what is owed; before the controller's time is known, only a long silence proves that it is all."""
+        """Discard late replies; until the controller's time is known, only a long silence proves that none is left."""
         gap = _QUIET_S if self._reference is not None else _UNKNOWN_QUIET_S
         deadline = self._clock.now() + 2 * self.timeout
         try:
@@ -218,7 +218,7 @@ class EspSession:
             while (stray := self._port.read(1)) and self._clock.now() < deadline:
                 self._discarded += len(stray) + len(self._port.read(self._port.in_waiting))
         except OSError as error:
-            raise self._dead_port("TB?", error) from error
+            raise self._port_failed("TB?", error) from error
         self._in_step = True
 
     def _must_be_quiet(self) -> None:
@@ -228,7 +228,7 @@ class EspSession:
             waiting = self._port.in_waiting
             stray = self._port.read(waiting) if waiting else b""
         except OSError as error:
-            raise self._dead_port("TB?", error) from error
+            raise self._port_failed("TB?", error) from error
         if stray:
             self._discarded += len(stray)
             self._in_step = False
@@ -243,13 +243,13 @@ class EspSession:
             self._port.timeout = self.timeout
             self._port.write(text.encode("ascii") + b"\r")
         except OSError as error:
-            raise self._dead_port(text, error) from error
+            raise self._port_failed(text, error) from error
 
     def _line(self, command: str) -> str:
         try:
             line = self._port.read_line(_END)
         except OSError as error:
-            raise self._dead_port(command, error) from error
+            raise self._port_failed(command, error) from error
         if not line.endswith(_END):
             came = f"only {line!r} came" if line else "nothing came"
             raise NoReply(
@@ -266,34 +266,34 @@ class EspSession:
             "check the line's speed and shielding, and what else talks on it",
         )
 
-    def _dead_port(self, command: str, error: OSError) -> NoReply:
+    def _port_failed(self, command: str, error: OSError) -> NoReply:
         shown = command.partition("\r")[0]
         return NoReply(self._device, f"the port failed at `{shown}`: {error}", "check cable and power")
 
 
 def as_decimal(reply: str) -> float:
-    """Accept a decimal number."""
+    """Parse a decimal number."""
     if not _NUMBER.fullmatch(reply) or not math.isfinite(float(reply)):
         raise ValueError("a number")
     return float(reply)
 
 
 def as_code(reply: str) -> int:
-    """Accept a small whole number."""
+    """Parse a small whole number."""
     if not re.fullmatch(r"\d{1,2}", reply, re.ASCII):
         raise ValueError("a small whole number")
     return int(reply)
 
 
 def as_flag(reply: str) -> bool:
-    """Accept 0 or 1."""
+    """Parse a 0 or 1."""
     if reply not in {"0", "1"}:
         raise ValueError("0 or 1")
     return reply == "1"
 
 
 def as_words(reply: str) -> str:
-    """Accept printable text."""
+    """Accept printable text unchanged."""
     if not reply or not reply.isascii() or not reply.isprintable() or "\\x" in reply:
         raise ValueError("printable text")
     return reply

@@ -1,13 +1,13 @@
 """Omron E5CC and E5EC temperature controllers, Modbus RTU.
 
-Addresses and commands are those of the communications manual H175, sections 4-4 and 5-1: the status is read as one
-element of four bytes (040C), everything else as elements of two (2000 and up), whole numbers with as many decimals as
-the decimal point monitor (2410) says. RUN and STOP are operation commands, function 06 to address 0000; no write is
-taken before communications writing was switched on. Assumed, until it is compared with an instrument: STOP shows in bit
-24 of the status, communications writing in 25, manual in 26, an input error in 6, as public drivers have it.
+Addresses and commands: communications manual H175, sections 4-4 and 5-1. The status is read as one four-byte element
+(040C), everything else as two-byte elements (2000 and up), integers with as many decimals as the decimal point monitor
+(2410) reports. RUN and STOP are operation commands, function 06 to address 0000; writes are refused until
+communications writing is switched on. Assumed from public drivers, not yet checked against an instrument: status bit 24
+is STOP, 25 communications writing, 26 manual, 6 an input error.
 
-A setpoint that is written goes into a non-volatile memory, so it is written only where it differs. The display's unit
-is not asked for: it must be degC. Over Modbus the controller says nothing of model and serial number.
+A setpoint is written to non-volatile memory, so it is written only when it changes. The display unit is not read: it
+must be degC. Over Modbus the controller reports neither model nor serial number.
 """
 
 from __future__ import annotations
@@ -36,11 +36,11 @@ _WRITING_ON, _RUN, _STOP, _AUTOMATIC = 0x0001, 0x0100, 0x0101, 0x0900
 _INPUT_ERROR, _CONVERTER_ERROR = 1 << 6, 1 << 2
 _STOPPED, _WRITING, _MANUAL = 1 << 24, 1 << 25, 1 << 26
 _OTHERWISE_DRIVEN = 1 << 22 | 1 << 23 | _MANUAL
-"""Setting level 1 is open, it tunes, or somebody drives the output by hand."""
+"""Setting level 1 is open, auto-tuning runs, or the output is in manual mode."""
 
 
 def _bytes_with(ones: int, zeros: int) -> bytes:
-    """Return the regular expression of a byte in which some bits are set and others are not."""
+    """Return the regular expression for a byte with the bits `ones` set and the bits `zeros` clear."""
     return b"[%s]" % b"".join(b"\\x%02x" % each for each in range(256) if each & ones == ones and not each & zeros)
 
 
@@ -48,19 +48,19 @@ _SAYS_STOPPED = rb"%%s\x03\x04%s%s.{4}" % (
     _bytes_with(_STOPPED >> 24, _OTHERWISE_DRIVEN >> 24),
     _bytes_with(0, _OTHERWISE_DRIVEN >> 16 & 0xFF),
 )
-"""A status with STOP; the unit is filled in, then come the lower half and the checksum."""
+"""Reply pattern for a status with STOP; the unit is filled in, and the lower half and the checksum follow."""
 
 
 class OmronE5ccThermal(ModbusThermal):
-    """The one loop of the controller; fills the role `thermal`."""
+    """The controller's single loop; fills the role `thermal`."""
 
     def safe_bytes(self, state: str, proof: Proof | None = None) -> SafeBytes:  # noqa: ARG002 - always an output of 0
         """Return the bytes of STOP; see `hil.instruments.roles.SafeByBytes`.
 
-        Communications writing is switched on before it, or STOP would be refused; automatic operation follows, for by
-        hand an output is given also while the controller is stopped. It is proven by both outputs of
-        exactly 0 %, and by a status in which STOP stands, asked for twice: its other half is not known beforehand, and
-        so its checksum is not either. Manual operation, a setting level that is open, and tuning are not safe.
+        Communications writing is switched on first, or STOP would be refused; automatic mode follows, because in manual
+        mode the output stays on even while the controller is stopped. The proof is both outputs at exactly 0 %, and a
+        status with STOP, read twice: its other half, and with it the checksum, is not known beforehand. Manual mode, an
+        open setting level and auto-tuning are not safe.
         """
         must_be_state(THERMAL, self._name, state)
         unit, within_s = self._session.unit, self._session.timeout
@@ -74,7 +74,7 @@ class OmronE5ccThermal(ModbusThermal):
             owed_s=within_s,
         )
 
-    def _agree(self) -> None:
+    def _check_display(self) -> None:
         decimals = self._register(_DECIMAL_POINT)
         if decimals != self._decimals:
             raise Rejected(
@@ -84,19 +84,19 @@ class OmronE5ccThermal(ModbusThermal):
             )
 
     def _regulate(self, setpoint: int) -> None:
-        """Let it be written to, set the setpoint, then automatic, run."""
+        """Enable writing, set the setpoint, then select automatic mode and RUN."""
         self._command(_WRITING_ON, _WRITING, "communications writing", on=True)
         self._set(_SETPOINT, setpoint, "the setpoint")
         self._command(_AUTOMATIC, _MANUAL, "manual operation", on=False)
         self._command(_RUN, _STOPPED, "STOP", on=False)
 
-    def _halt(self) -> None:
+    def _stop_regulating(self) -> None:
         self._command(_WRITING_ON, _WRITING, "communications writing", on=True)
         self._command(_STOP, _STOPPED, "STOP", on=True)
         self._command(_AUTOMATIC, _MANUAL, "manual operation", on=False)
 
     def _command(self, command: int, bit: int, what: str, *, on: bool) -> None:
-        """Give an operation command where a bit of the status is not as it is to be, and read it back."""
+        """Send an operation command unless the status bit is already as wanted, and read it back."""
 
         def differs() -> str:
             found = bool(_status(self._session) & bit)
@@ -126,22 +126,22 @@ class OmronE5cc(ModbusThermalDriver):
     loop: ClassVar[type[ModbusThermal]] = OmronE5ccThermal
 
     def identify(self) -> Identity:
-        """Read the status, by which a controller of this kind shows that it is there; it says nothing of itself."""
+        """Read the status, which shows that a controller of this kind answers; it reports no identity."""
         _status(self._session)
         return Identity()
 
     def outlets(self) -> Sequence[Outlet]:
-        """Return the loop's output; it is on unless it is stopped and gives nothing."""
+        """Return the loop's output; it is on unless the controller is stopped with an output of 0 %."""
         return (Outlet(0, not _status(self._session) & _STOPPED or _power(self._session) != 0),)
 
 
 def _status(session: ModbusSession) -> int:
-    """Read the status as one element of four bytes, the upper word first."""
+    """Read the status as one four-byte element, upper word first."""
     upper, lower = session.read_holding(_STATUS, 2)
     return upper << 16 | lower
 
 
 def _power(session: ModbusSession) -> int:
-    """Read what is given in tenths of a percent: heating less cooling."""
+    """Read the output in tenths of a percent: heating minus cooling."""
     heating, cooling = (signed(raw) for raw in session.read_holding(_HEATING, 2))
     return heating - cooling

@@ -1,4 +1,4 @@
-"""A port for instruments that lose what comes too early: every write waits for a pause after the last byte."""
+"""Paced port, for instruments that drop commands sent too early: every write waits for a pause after the last byte."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ __all__ = ["PacedPort"]
 
 
 class PacedPort:
-    """A port whose writes keep a distance from what was sent and received before. See `hil.wire.port.Port`.
+    """A port that enforces a pause before every write. See `hil.wire.port.Port`.
 
     Args:
         port: the open byte stream.
@@ -25,7 +25,7 @@ class PacedPort:
 
     @property
     def timeout(self) -> float:
-        """Seconds that a read waits."""
+        """Read timeout in s."""
         return self._port.timeout
 
     @timeout.setter
@@ -46,7 +46,7 @@ class PacedPort:
             self._hold()
 
     def exchange(self, data: bytes) -> bytes:
-        """Wait for the end of the pause, write all bytes, and return what comes. See `hil.wire.port.Port`."""
+        """Wait for the end of the pause, write all bytes, and return the reply. See `hil.wire.port.Port`."""
         self._clock.wait_until(self._ready_ns)
         try:
             return self._port.exchange(data)
@@ -54,25 +54,25 @@ class PacedPort:
             self._hold()
 
     def read(self, size: int = 1) -> bytes:
-        """Return `size` bytes, or what came until the timeout."""
+        """Return `size` bytes, or fewer at the timeout."""
         data = self._port.read(size)
         if data:
             self._hold()
         return data
 
     def read_line(self, terminator: bytes = b"\n", limit: int = 4096) -> bytes:
-        """Return bytes up to and with `terminator`; without it at the end they are what came until the timeout."""
+        """Return bytes up to and including `terminator`, or without it at the timeout."""
         data = self._port.read_line(terminator, limit)
         if data:
             self._hold()
         return data
 
     def reset_input_buffer(self) -> None:
-        """Throw away what was received and not read."""
+        """Discard received bytes not read yet."""
         self._port.reset_input_buffer()
 
     def pulse_dtr(self) -> None:
-        """Let DTR fall and rise, and begin a pause."""
+        """Pulse DTR low, and start a pause."""
         self._port.pulse_dtr()
         self._hold()
 

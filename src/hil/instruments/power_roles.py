@@ -1,4 +1,4 @@
-"""Roles of a power bench beside its supplies: multimeter, thermometer, electronic load."""
+"""Roles of a power bench besides supplies: multimeter, thermometer, electronic load."""
 
 from __future__ import annotations
 
@@ -14,33 +14,33 @@ __all__ = ["ELECTRONIC_LOAD", "MULTIMETER", "THERMOMETER", "ElectronicLoad", "Mu
 
 
 class Multimeter(Sampled, Protocol):
-    """One quantity at the terminals of a multimeter: its wire says which one, in which range, for how long.
+    """A multimeter wired for one quantity; the wire sets quantity, range and integration time.
 
-    Its only channel is that quantity. Reading another one is refused: the leads are not connected for it.
+    That quantity is its only channel. Reading another is refused: the leads are not connected for it.
     """
 
     @reads
     def voltage(self) -> Annotated[Figure, "V"]:
-        """Measure the direct voltage in V; not observable where it is beyond the range."""
+        """Measure the DC voltage in V; not observable on overload."""
         ...
 
     @reads
     def current(self) -> Annotated[Figure, "A"]:
-        """Measure the direct current in A; not observable where it is beyond the range."""
+        """Measure the DC current in A; not observable on overload."""
         ...
 
     @reads
     def resistance(self) -> Annotated[Figure, "ohm"]:
-        """Measure the resistance in ohm with two wires; not observable where it is beyond the range."""
+        """Measure the two-wire resistance in ohm; not observable on overload."""
         ...
 
 
 class Thermometer(Sampled, Protocol):
-    """A sensor of one temperature: channel temperature in degC."""
+    """A temperature sensor: channel temperature in degC."""
 
     @drives
     def start(self) -> None:
-        """Wake the sensor as the wiring says, and wait for its first valid sample."""
+        """Wake the sensor with the wiring's settings, and wait for its first valid sample."""
         ...
 
     @drives
@@ -55,29 +55,29 @@ class Thermometer(Sampled, Protocol):
 
 
 class ElectronicLoad(Switched, Protocol):
-    """The input of an electronic load: it takes a current from whatever it is connected to.
+    """The input of an electronic load, which sinks current from the connected source.
 
-    A mode can be chosen only if the bench file clamps its quantity, so that a slip in a case cannot ask for more.
+    A mode can be selected only if the bench file clamps its quantity, so that a mistake in a case cannot exceed it.
     """
 
     @drives
     def constant_current(self, current: Annotated[float, "A"]) -> None:
-        """Take a constant current [A]; mode and level are read back."""
+        """Sink a constant current [A]; mode and level are read back."""
         ...
 
     @drives
     def constant_resistance(self, resistance: Annotated[float, "ohm"]) -> None:
-        """Be a resistor [ohm]; mode and level are read back."""
+        """Act as a constant resistance [ohm]; mode and level are read back."""
         ...
 
     @drives
     def constant_power(self, power: Annotated[float, "W"]) -> None:
-        """Take a constant power [W]; mode and level are read back."""
+        """Sink a constant power [W]; mode and level are read back."""
         ...
 
     @drives
     def constant_voltage(self, voltage: Annotated[float, "V"]) -> None:
-        """Take as much current as brings the voltage down to this one [V]; mode and level are read back."""
+        """Sink as much current as holds the voltage at this level [V]; mode and level are read back."""
         ...
 
     @reads
@@ -87,22 +87,22 @@ class ElectronicLoad(Switched, Protocol):
 
     @reads
     def voltage(self) -> Annotated[Figure, "V"]:
-        """Return the measured voltage in V; NaN where the instrument has no number."""
+        """Return the measured voltage in V; NaN where the instrument has no reading."""
         ...
 
     @reads
     def current(self) -> Annotated[Figure, "A"]:
-        """Return the measured current in A; NaN where the instrument has no number."""
+        """Return the measured current in A; NaN where the instrument has no reading."""
         ...
 
     @reads
     def power(self) -> Annotated[Figure, "W"]:
-        """Return the measured power in W; NaN where the instrument has no number."""
+        """Return the measured power in W; NaN where the instrument has no reading."""
         ...
 
     @reads
     def resistance(self) -> Annotated[Figure, "ohm"]:
-        """Return measured voltage over measured current in ohm; NaN where the instrument has no number."""
+        """Return measured voltage over measured current in ohm; NaN where the instrument has no reading."""
         ...
 
 

@@ -36,27 +36,27 @@ def role_of(output: str) -> Role | None:
 
 
 def states_of(output: str) -> Mapping[str, str]:
-    """Return the states of an output and the operations that lead there, none where there is no such role."""
+    """Return an output's states and the operations that lead to them, empty where there is no such role."""
     role = role_of(output)
     return role.states if role else {}
 
 
 def unit_of(output: str, quantity: str) -> str:
-    """Return the unit in which an output's role gives a quantity, empty if it has no such quantity."""
+    """Return the unit of a quantity of an output's role, empty if it has no such quantity."""
     role = role_of(output)
     return role.quantities.get(quantity, "") if role else ""
 
 
 def inputs_of(driver: str, wire: Wire) -> Mapping[str, str]:
-    """Return the unit of each input that a wire names, none where its driver does not read inputs by names."""
+    """Return the unit of each input that a wire defines, empty where its driver has no named inputs."""
     found = DRIVERS.find(driver)
     return found.inputs(wire) if found is not None and issubclass(found, NamesInputs) else {}
 
 
 def quantity_units() -> dict[str, tuple[str, ...]]:
-    """Return every quantity that some role has, with the units in which roles give it.
+    """Return every quantity of any role, with the units in which roles report it.
 
-    A role that cannot be used has none here; wiring it reports why.
+    Roles that cannot be loaded are left out; wiring one reports why.
     """
     units: dict[str, tuple[str, ...]] = {}
     for name in ROLES:

@@ -1,8 +1,8 @@
 """Rigol DL3021 and DL3021A electronic loads: 150 V, 40 A, 200 W.
 
-Commands: from public drivers of the DL3000 series. From memory, and to be compared with a first instrument: the ends of
-the ranges, and that the mode is told as `CC` or as the function's name. As at Rigol's supplies, every question is
-closed by the identification.
+Commands: from public drivers of the DL3000 series. From memory, to be checked on the first article: the ends of the
+ranges, and that the mode is reported as `CC` or as the function's name. As with Rigol's supplies, an identification
+query closes each reply.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Rigol DP832 and DP832A triple-output power supplies.
 
-Commands: DP800 Series Programming Guide. The channel that `:INST` selects is the instrument's state, which the front
-panel and other programs change; every command here names its channel instead. Nothing says that the instrument takes
-several questions in a line, so replies are closed by the identification.
+Commands: DP800 Series Programming Guide. The channel selected by `:INST` is instrument state, which the front panel
+and other programs change; every command here names its channel instead. Several queries in one line are not
+documented, so an identification query closes each reply.
 """
 
 from __future__ import annotations
@@ -63,9 +63,9 @@ DP800 = Dialect(
     as_trip=_as_trip,
     as_mode=_as_mode,
     error_query=":SYST:ERR?",
-    pause_s=0.015,  # about 10 ms between commands, and half of it again
+    pause_s=0.015,  # about 10 ms between commands, plus 50 % margin
 )
-"""The commands of the DP800 series; settings are rounded to 10 mV at the coarsest."""
+"""The commands of the DP800 series; the coarsest programming resolution is 10 mV."""
 
 
 class RigolDp832(ScpiSupply):

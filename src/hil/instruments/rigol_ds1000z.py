@@ -1,11 +1,11 @@
-"""Rigol DS1000Z oscilloscopes: DS1054Z and its relatives.
+"""Rigol DS1000Z series oscilloscopes, such as the DS1054Z.
 
-Commands: DS1000Z Programming Guide. Its sentences and examples give the preamble's ten fields, the block header
-`#9` and nine digits, a volt as (byte - YORigin - YREFerence) x YINCrement, an interval of one over the sample rate in
-RAW mode, and at most 250,000 bytes per read. From memory, to be checked on the first article: 25 counts per division,
-that a screen has 12 divisions, that memory can be read only while stopped, that its depth can be set only while
-running and is shared by the channels that are on, that the screen sweeps slowly and without a trigger from 200 ms per
-division on, and that `:TRIG:STAT?` may still say STOP for a moment after `:SING`.
+Commands: DS1000Z Programming Guide. Its text and examples give the preamble's ten fields, the block header `#9` and
+nine digits, volts as (byte - YORigin - YREFerence) x YINCrement, an interval of one over the sample rate in RAW mode,
+and at most 250,000 bytes per read. From memory, to be checked on the first article: 25 counts per division, 12
+divisions per screen, that memory can be read only while stopped, that memory depth can be set only while running and
+is shared by the active channels, that the scope rolls without a trigger from 200 ms per division, and that
+`:TRIG:STAT?` may still report STOP for a moment after `:SING`.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ _COUNTS = 25  # of the converter, per division
 _HIGHEST = 255
 _SLOWEST = 0.1  # s per division
 _DEPTHS = (12_000, 120_000, 1_200_000, 12_000_000)  # of one channel; two share it, three and four too
-_BLOCK = 10_000  # points per read, far below 250,000, so that one is quick
+_BLOCK = 10_000  # points per read, far below 250,000 to keep each read short
 _LOOK_S = 0.01
 _ARMS_WITHIN_S = 1.0
 _UNITS = {"V": "VOLT", "A": "AMP"}
@@ -50,7 +50,7 @@ _Unit = Annotated[str, one_of("V", "A")]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScopeWire:
-    """What a wire says of the channels: a name for each that is used, the factor of its probe, and its unit."""
+    """Wire settings of the channels: a name for each one used, its probe factor and its unit."""
 
     ch1: AnyText = ""
     ch2: AnyText = ""
@@ -68,7 +68,7 @@ class ScopeWire:
 
 @dataclass(frozen=True, slots=True)
 class _Input:
-    """One channel that is used."""
+    """One channel in use."""
 
     number: int
     name: str
@@ -78,7 +78,7 @@ class _Input:
 
 @dataclass(frozen=True, slots=True)
 class _Preamble:
-    """What turns points and bytes into seconds and volts."""
+    """Scaling of points and bytes to seconds and volts."""
 
     points: int
     interval: float
@@ -87,12 +87,12 @@ class _Preamble:
     zero: float
 
     def screen(self, probe: float) -> Screen:
-        """Return what the channel can show."""
+        """Return the channel's range and resolution."""
         return Screen(probe, self.step, -self.zero * self.step, (_HIGHEST - self.zero) * self.step)
 
 
 class RigolScope:
-    """Fills the role `oscilloscope`. Scales are steps of 1, 2 and 5; the next larger one is taken.
+    """The oscilloscope; fills the role `oscilloscope`. Scales are rounded up to the next 1-2-5 step.
 
     Args:
         name: the wire's dotted name.
@@ -117,12 +117,12 @@ class RigolScope:
         self._from = 0
 
     def channels(self) -> tuple[Channel, ...]:
-        """Return the channels that the wiring names."""
+        """Return the wired channels."""
         return tuple(Channel(each.name, each.unit) for each in self._inputs.values())
 
     @drives
     def vertical(self, channel: str, scale: float, offset: float = 0.0, coupling: str = "DC") -> None:
-        """Set probe, unit, coupling, scale and what is at the screen's middle; everything is read back."""
+        """Set probe factor, unit, coupling, scale and the value at mid-screen; everything is read back."""
         found, step = self._input(channel), _step(scale, f"{self._name}: scale")
         if coupling not in {"DC", "AC", "GND"}:
             raise Refused(f"{self._name}: unknown coupling '{coupling}'", "it is DC, AC or GND")
@@ -136,10 +136,10 @@ class RigolScope:
 
     @drives
     def window(self, before: float, after: float, points: int = 6000) -> None:
-        """Set time base, position and memory, and switch on the channels that are used, and no others.
+        """Set time base, trigger position and memory depth, and switch on exactly the channels in use.
 
         Raises:
-            Refused: the time is longer than the screen can be while it triggers, or the memory too small.
+            Refused: the window exceeds the longest triggered screen, or the memory is too small.
         """
         span = before + after
         if before < 0 or after <= 0 or not math.isfinite(span):
@@ -163,7 +163,7 @@ class RigolScope:
 
     @drives
     def trigger(self, source: str, level: float, slope: str = "rising") -> None:
-        """Set an edge, its level and slope."""
+        """Set an edge trigger: source, level and slope."""
         found = self._input(source)
         if slope not in _SLOPES:
             raise Refused(f"{self._name}: unknown slope '{slope}'", "it is rising or falling")
@@ -177,11 +177,11 @@ class RigolScope:
 
     @begins
     def arm(self) -> None:
-        """Wait for one trigger, and return once it is waited for.
+        """Arm for a single trigger, and return once the instrument is waiting for it.
 
         Raises:
-            Refused: window or trigger are not set.
-            Rejected: the instrument does not wait: it did not arm, or has triggered already.
+            Refused: window or trigger is not set.
+            Rejected: the instrument is not waiting: it did not arm, or has already triggered.
         """
         if self._window is None or self._trigger is None:
             raise Refused(
@@ -211,17 +211,17 @@ class RigolScope:
         return self._session.query(":TRIG:STAT?", _as_state)
 
     def complete(self) -> bool:
-        """Return whether it was triggered and has stopped.
+        """Return whether the scope has triggered and stopped.
 
         Raises:
-            Refused: it was not armed since it was set up or read.
+            Refused: it has not been armed since it was last configured or read.
         """
         if not self._armed:
             raise Refused(f"{self._name} is not armed", "call arm() before what it is to capture")
         return self.status() == "stopped"
 
     def frame(self) -> Frame:
-        """Read what one capture is: the preamble of every channel."""
+        """Read the preamble of every channel, which describes the capture."""
         if self._window is None or self._trigger is None:
             raise Refused(f"{self._name} is not armed", "call window, trigger and arm first")
         self._armed = False
@@ -248,7 +248,7 @@ class RigolScope:
         )
 
     def blocks(self, frame: Frame) -> Iterator[NDArray[np.float64]]:
-        """Read the memory of every channel, some points at a time."""
+        """Read the memory of every channel, block by block."""
         import numpy as np  # noqa: PLC0415 - slow to import
 
         for done in range(0, frame.rows, _BLOCK):
@@ -280,7 +280,7 @@ class RigolScope:
         return self._inputs[channel]
 
     def _depth(self, points: float) -> int:
-        """Return the smallest memory per channel that holds so many points."""
+        """Return the smallest memory depth per channel that holds this many points."""
         shared = {1: 1, 2: 2}.get(len(self._inputs), 4)
         for depth in _DEPTHS:
             if depth // shared >= points:
@@ -290,7 +290,7 @@ class RigolScope:
 
 
 class RigolDs1000z(ScpiInstrument):
-    """Driver `rigol-ds1000z`: role `oscilloscope`, of all its channels together. It is never reset."""
+    """Driver `rigol-ds1000z`: role `oscilloscope`, all channels together. The instrument is never reset."""
 
     roles: ClassVar[frozenset[str]] = frozenset({"oscilloscope"})
     speech: ClassVar[Speech] = Speech(driver="rigol-ds1000z", error_query=":SYST:ERR?", blocks=True)
@@ -298,7 +298,7 @@ class RigolDs1000z(ScpiInstrument):
     _session: BlockSession
 
     def role(self, wire: Wire) -> RigolScope:
-        """Return the oscilloscope with the channels that the wire names."""
+        """Return the oscilloscope with the wire's channels."""
         settings.fits(wire, "rigol-ds1000z", self.roles)
         told = settings.read(wire, ScopeWire)
         parts = ("ch", "probe", "unit")
@@ -312,7 +312,7 @@ class RigolDs1000z(ScpiInstrument):
 
 
 def _step(value: float, what: str) -> float:
-    """Return the next of 1, 2, 5, 10, 20 ... that is not smaller."""
+    """Round up to the next 1-2-5 step."""
     if not (math.isfinite(value) and value > 0):
         raise Refused(f"{what} {value:g} is not above zero", "give a number above zero")
     exponent = math.floor(math.log10(value))

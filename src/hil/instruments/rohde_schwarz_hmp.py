@@ -1,14 +1,14 @@
 """Rohde & Schwarz power supplies of the HMP2000, HMP4000 and NGE100 series.
 
-Commands: HMP Series and NGE100 Series user manuals, as far as public drivers and excerpts show them. Commands go to the
-channel that was selected last, at the front panel too, so every line selects its channel itself.
+Commands: HMP Series and NGE100 Series user manuals, as far as public drivers and excerpts show them. Commands act on
+the channel selected last, which the front panel can change, so every line selects its own channel.
 
-An output gives something when its channel is selected for it (`OUTP:SEL`) and the master switch is on (`OUTP:GEN`). A
-channel that was selected while the master switch is off would come on with the next one. So a channel counts as on as
-soon as it is selected, and off means not selected: the master switch, which is everybody's, stays as it is.
+An output is live when its channel is activated (`OUTP:SEL`) and the master switch is on (`OUTP:GEN`). A channel
+activated while the master switch is off would come on together with the next one. So a channel counts as on as soon as
+it is activated, and off means not activated; the master switch, shared by all channels, is left as it is.
 
-The fuse trips where the current is limited; it has no level. The over-voltage protection of an NGE100 has a switch,
-that of the others has none. Assumed, until it is compared with an instrument: several commands stand in a line.
+The fuse trips at the current limit; it has no level of its own. The over-voltage protection of an NGE100 can be
+switched off, that of the others cannot. Assumed, not yet checked against an instrument: several commands fit in a line.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ HMP = Dialect(
         "HMP4040": ((32.0, 10.0),) * 4,
     },
 )
-"""The commands of the HMP series; where a channel gives less than its rating here, the instrument refuses."""
+"""The commands of the HMP series; where a channel's actual rating is lower than here, the instrument refuses."""
 
 NGE100 = replace(
     HMP,

@@ -1,4 +1,4 @@
-"""What a role is: one object says all that the bench file, the executive and the guardian have to know of it."""
+"""Definition of a role: everything that the bench file, the executive and the guardian need to know about it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["Argument", "Operation", "Role", "problem_with"]
 
 @dataclass(frozen=True, slots=True)
 class Argument:
-    """One argument of an operation: whether it takes a number, or a whole one, and its unit, empty if it has none."""
+    """One argument of an operation: whether it is a number, or an integer, and its unit, empty if it has none."""
 
     name: str
     number: bool
@@ -27,14 +27,14 @@ class Operation:
     """One operation of a role.
 
     Attributes:
-        name: what cases call.
-        function: of the role's protocol, for its signature and its words.
-        drives: whether it changes the bench; else it only reads.
-        begins: whether it begins something, and is never issued again without its case.
-        arguments: by name, in their order.
-        unit: of the figure that it returns, empty if it returns none.
-        signature: of the function.
-        effect: what the journal calls it: `drives` or `reads`.
+        name: the name that cases call.
+        function: the protocol's function, for its signature and docstring.
+        drives: whether it changes the bench; otherwise it only reads.
+        begins: whether it starts something, so that it is never reissued outside its case.
+        arguments: arguments by name, in order.
+        unit: unit of the figure that it returns, empty if it returns none.
+        signature: signature of the function.
+        effect: its kind in the journal: `drives` or `reads`.
     """
 
     name: str
@@ -52,19 +52,19 @@ class Operation:
 
 @dataclass(frozen=True, kw_only=True)
 class Role:
-    """One kind of thing that a case can ask for; entry points of the group `hil.roles` name objects of this class.
+    """One kind of equipment that a case can request; entry points of the group `hil.roles` name objects of this class.
 
     Attributes:
-        name: what bench files and cases call it.
-        protocol: the class that a driver's object looks like. Its operations are those that are marked as driving or
-            reading (`hil.instruments.marks`); units stand in `Annotated[float, "V"]`.
-        quantities: what ratings, clamps, envelope and proofs may name of it, and the unit; a quantity that is read
+        name: its name in bench files and cases.
+        protocol: the interface that a driver's object implements. Its operations are marked as driving or reading
+            (`hil.instruments.marks`); units are annotated as in `Annotated[float, "V"]`.
+        quantities: quantities available to ratings, clamps, envelope and proofs, with their units; a measured one
             is an operation of the same name.
-        states: what safe-off, rest and hold may name, and the operation without arguments that leads there.
-        hazardous: whether its outputs can do harm: they belong into the safe-off and need cut paths.
-        clamped: the quantities that such an output must have clamps for.
+        states: states available to safe-off, rest and hold, with the operation without arguments that leads there.
+        hazardous: whether its outputs can do harm, so that they belong in the safe-off and need cut paths.
+        clamped: the quantities for which such an output must have clamps.
         proven: whether its line in the safe-off needs a proof.
-        part: the argument that distinguishes the parts of one output, such as `contact`; each is driven by itself.
+        part: the argument that selects a part of an output, such as `contact`; parts are driven individually.
     """
 
     name: str
@@ -78,20 +78,20 @@ class Role:
 
     @cached_property
     def operations(self) -> Mapping[str, Operation]:
-        """Every operation by its name, sorted."""
+        """Every operation by name, sorted."""
         members = inspect.getmembers(self.protocol, callable)
         return MappingProxyType({name: _operation(name, each) for name, each in members if hasattr(each, "effect")})
 
 
 def problem_with(name: str, role: object) -> str:
-    """Return why an object is not the role of that name, empty if it is."""
+    """Return why an object is not a valid role of that name, empty if it is."""
     if not isinstance(role, Role):
         return f"is {role!r:.80}, not a role"
     if role.name != name:
         return f"calls itself '{role.name}'"
     try:
         operations = role.operations
-    except Exception as error:  # noqa: BLE001 - annotations of somebody's protocol can raise anything
+    except Exception as error:  # noqa: BLE001 - annotations of a third-party protocol can raise anything
         return f"has operations that cannot be read: {type(error).__name__}: {error}"
     if not operations:
         return "has no operation: mark them with hil.instruments.marks"
@@ -109,7 +109,7 @@ def _operation(name: str, function: Callable[..., Any]) -> Operation:
     return Operation(
         name=name,
         function=function,
-        drives=function.effect == "drives",  # type: ignore[attr-defined]  # only marked functions come here
+        drives=function.effect == "drives",  # type: ignore[attr-defined]  # only marked functions get here
         begins=hasattr(function, "begins"),
         arguments=MappingProxyType(arguments),
         unit=_unit(hints.get("return")),
@@ -123,7 +123,7 @@ def _argument(name: str, hint: object) -> Argument:
 
 
 def _unit(hint: object) -> str:
-    """Return the unit that an annotation holds, those of a tuple with commas, also where the value is optional."""
+    """Return the unit in an annotation, even of an optional value; those of a tuple are joined by commas."""
     if get_origin(hint) is Annotated:
         return str(get_args(hint)[1])
     return ", ".join(unit for unit in map(_unit, get_args(hint)) if unit)

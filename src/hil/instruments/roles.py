@@ -1,4 +1,4 @@
-"""Roles: what a case asks for, whichever instrument fills it."""
+"""Roles: the interfaces that cases use, whichever instrument fills them."""
 
 from __future__ import annotations
 
@@ -38,26 +38,26 @@ __all__ = [
 
 
 class Switched(Protocol):
-    """The output or the input of an instrument, which is on or off."""
+    """An instrument's output or input that can be switched on and off."""
 
     @drives
     def enable(self) -> None:
-        """Switch it on; it is read back."""
+        """Switch on; the state is read back."""
         ...
 
     @drives
     def disable(self) -> None:
-        """Switch it off; it is read back."""
+        """Switch off; the state is read back."""
         ...
 
     @reads
     def enabled(self) -> bool:
-        """Return whether the instrument says that it is on."""
+        """Return whether the instrument reports it as on."""
         ...
 
 
 class Supply(Switched, Protocol):
-    """One output of a power supply. Volts and amperes."""
+    """One output of a power supply, in V and A."""
 
     @drives
     def configure(self, voltage: Annotated[float, "V"], current: Annotated[float, "A"]) -> None:
@@ -66,12 +66,12 @@ class Supply(Switched, Protocol):
 
     @reads
     def voltage(self) -> Annotated[Figure, "V"]:
-        """Return the measured voltage in V; NaN where the instrument has no number."""
+        """Return the measured voltage in V; NaN where the instrument has no reading."""
         ...
 
     @reads
     def current(self) -> Annotated[Figure, "A"]:
-        """Return the measured current in A; NaN where the instrument has no number."""
+        """Return the measured current in A; NaN where the instrument has no reading."""
         ...
 
     @reads
@@ -85,17 +85,17 @@ class Relays(Protocol):
 
     @drives
     def close(self, contact: str) -> None:
-        """Energise one contact; it is read back."""
+        """Energise one contact; the state is read back."""
         ...
 
     @drives
     def open(self, contact: str) -> None:
-        """Release one contact; it is read back."""
+        """Release one contact; the state is read back."""
         ...
 
     @drives
     def release_all(self) -> None:
-        """Release every contact of the board; they are read back."""
+        """Release every contact of the board; the states are read back."""
         ...
 
     @reads
@@ -109,7 +109,7 @@ class Magnetometer(Sampled, Protocol):
 
     @drives
     def start(self) -> None:
-        """Wake the sensor at the range and rate of the wiring, and wait for its first valid sample."""
+        """Wake the sensor at the wiring's range and rate, and wait for its first valid sample."""
         ...
 
     @drives
@@ -124,22 +124,22 @@ class Magnetometer(Sampled, Protocol):
 
     @reads
     def bandwidth(self) -> Annotated[Figure, "Hz"]:
-        """Return the noise bandwidth of its measurements in Hz; half their rate where nothing filters them."""
+        """Return the noise bandwidth of the samples in Hz; half the sampling rate where there is no filter."""
         ...
 
     @reads
     def resolution(self) -> Annotated[Figure, "uT"]:
-        """Return the smallest step of the chosen range in uT."""
+        """Return the resolution of the selected range in uT."""
         ...
 
     @reads
     def full_scale(self) -> Annotated[Figure, "uT"]:
-        """Return the largest field of the chosen range in uT."""
+        """Return the full scale of the selected range in uT."""
         ...
 
 
 class Thermal(Protocol):
-    """A temperature controller. Degrees Celsius."""
+    """A temperature controller, in degC."""
 
     @drives
     def hold(self, temperature: Annotated[float, "degC"]) -> None:
@@ -148,12 +148,12 @@ class Thermal(Protocol):
 
     @drives
     def standby(self) -> None:
-        """Stop regulating: no power into the thermoelectric cooler; it is read back."""
+        """Stop regulating, with no power into the thermoelectric cooler; the state is read back."""
         ...
 
     @reads
     def temperature(self) -> Annotated[Figure, "degC"]:
-        """Return the process value in degC; NaN where the controller reports a broken sensor."""
+        """Return the process value in degC; NaN where the controller reports a sensor break."""
         ...
 
     @reads
@@ -163,56 +163,56 @@ class Thermal(Protocol):
 
     @reads
     def output(self) -> Annotated[Figure, "%"]:
-        """Return the working output power in %, negative while it cools."""
+        """Return the working output power in %, negative while cooling."""
         ...
 
 
 class RotationTable(Protocol):
-    """A rotation table. Degrees and degrees per second, positive counter-clockwise seen from above."""
+    """A rotation table, in deg and deg/s, positive counter-clockwise seen from above."""
 
     @drives
     def set_rate(self, rate: Annotated[float, "deg/s"]) -> None:
-        """Turn steadily at a rate [deg/s] and wait until the encoder shows it."""
+        """Turn at a constant rate [deg/s], and wait until the encoder confirms it."""
         ...
 
     @drives
     def stop(self) -> None:
-        """Stop, and wait until the encoder stands still."""
+        """Stop, and wait until the encoder is at rest."""
         ...
 
     @reads
     def angle(self) -> Annotated[Figure, "deg"]:
-        """Return the encoder's angle in deg; full turns are counted."""
+        """Return the encoder's angle in deg, not wrapped at full turns."""
         ...
 
     @reads
     def rate(self) -> Annotated[Figure, "deg/s"]:
-        """Return the rate in deg/s from the encoder's angle over time, never from the command's echo."""
+        """Return the rate in deg/s from the encoder's angle over time, never the commanded rate."""
         ...
 
     @reads
     def at_rest(self) -> bool:
-        """Return whether the encoder's angle does not change."""
+        """Return whether the encoder's angle is constant."""
         ...
 
     @reads
     def reading(self) -> tuple[Annotated[Figure, "deg"], Annotated[Figure, "s"]]:
-        """Return the encoder's angle in deg, and the bench's time in s at which it was taken."""
+        """Return the encoder's angle in deg, and the bench time in s at which it was read."""
         ...
 
     @reads
     def turns(self) -> Annotated[Figure, "turn"]:
-        """Return the turns since the bench was armed."""
+        """Return the number of turns since arm."""
         ...
 
     @reads
     def longest(self, rate: Annotated[float, "deg/s"]) -> Annotated[Figure, "s"]:
-        """Return how long the table may turn at a rate [deg/s] before its harness ends, in s."""
+        """Return how long the table may turn at a rate [deg/s] within the limits of its harness, in s."""
         ...
 
 
 class Obc(Sampled, Protocol):
-    """A board that plays the on-board computer; its channels are the analogue inputs that the wiring names, in LSB."""
+    """A board that stands in for the on-board computer; its channels are the wired analogue inputs, in LSB."""
 
     @reads
     def identify(self) -> str:
@@ -226,21 +226,21 @@ class Obc(Sampled, Protocol):
 
     @reads
     def full_scale(self) -> Annotated[Figure, "LSB"]:
-        """Return the largest raw number of the analogue inputs in LSB."""
+        """Return the full-scale count of the analogue inputs in LSB."""
         ...
 
     @reads
     def reference(self) -> Annotated[Figure, "V"]:
-        """Return the voltage at full scale in V as the board measures it by itself; how well is not known."""
+        """Return the full-scale voltage in V as measured by the board itself; its uncertainty is unknown."""
         ...
 
 
 class Inertial(Sampled, Protocol):
-    """What gyroscopes and accelerometers share: they are woken as the wiring says, and know temperature and filter."""
+    """Common interface of gyroscopes and accelerometers: start, temperature and filter bandwidth."""
 
     @drives
     def start(self) -> None:
-        """Wake the sensor at the range, rate and bandwidth of the wiring, and wait for its first valid sample."""
+        """Wake the sensor at the wiring's range, rate and bandwidth, and wait for its first valid sample."""
         ...
 
     @reads
@@ -250,7 +250,7 @@ class Inertial(Sampled, Protocol):
 
     @reads
     def bandwidth(self) -> Annotated[Figure, "Hz"]:
-        """Return the noise bandwidth of the chosen filter in Hz."""
+        """Return the noise bandwidth of the selected filter in Hz."""
         ...
 
 
@@ -264,17 +264,17 @@ class Gyroscope(Inertial, Streamed, Protocol):
 
     @reads
     def resolution(self) -> Annotated[Figure, "deg/s"]:
-        """Return the smallest step of the chosen range in deg/s."""
+        """Return the resolution of the selected range in deg/s."""
         ...
 
     @reads
     def full_scale(self) -> Annotated[Figure, "deg/s"]:
-        """Return the largest rate of the chosen range in deg/s."""
+        """Return the full scale of the selected range in deg/s."""
         ...
 
 
 class Accelerometer(Inertial, Protocol):
-    """A three-axis accelerometer: channels x, y, z in m/s2, 9.8 upwards at rest, and temperature in degC."""
+    """A three-axis accelerometer: channels x, y, z in m/s2, +9.8 on an upward axis at rest, and temperature in degC."""
 
     @drives
     def stop(self) -> None:
@@ -283,57 +283,57 @@ class Accelerometer(Inertial, Protocol):
 
     @reads
     def resolution(self) -> Annotated[Figure, "m/s2"]:
-        """Return the smallest step of the chosen range in m/s2."""
+        """Return the resolution of the selected range in m/s2."""
         ...
 
     @reads
     def full_scale(self) -> Annotated[Figure, "m/s2"]:
-        """Return the largest acceleration of the chosen range in m/s2."""
+        """Return the full scale of the selected range in m/s2."""
         ...
 
 
 @runtime_checkable
 class SafeByBytes(Protocol):
-    """An output that can be made safe with nothing but bytes, by a process that has no driver.
+    """An output that a process without a driver can make safe by sending bytes.
 
-    Every role with states has one where its instrument has a byte stream of its own. A sensor on an I2C bus has none,
-    also where the bus is served by an instrument that has: what feeds it is what makes it safe.
+    Every role with states is one if its instrument has a byte stream of its own. A sensor on an I2C bus is not, even if
+    the bus is served by an instrument that has one: its power supply is what makes it safe.
     """
 
     def safe_bytes(self, state: str, proof: Proof | None = None) -> SafeBytes:
-        """Return how to bring the output to a state, from what the driver knows; nothing is sent.
+        """Return the bytes that bring the output to a state; nothing is sent.
 
         Args:
             state: one of its role's states.
-            proof: how the bench file proves that state. Where it reads a quantity of this very output that the
-                instrument reports in text, the bytes ask for it too, and hold it to these bounds.
+            proof: the bench file's proof of that state. Where it reads a quantity of this same output that the
+                instrument reports as text, the bytes query it too, and check it against the proof's bounds.
 
         Raises:
-            Refused: there is no such state, or bytes do not lead there.
+            Refused: there is no such state, or bytes alone cannot reach it.
         """
         ...
 
 
 @runtime_checkable
 class Watched(Protocol):
-    """An output whose instrument makes it safe by itself once no heartbeat has come for a while."""
+    """An output with a watchdog: its instrument makes it safe when heartbeats stop."""
 
     @property
     def watchdog_s(self) -> float:
-        """After how many seconds; 0 where it has no such watchdog, or the wire does not ask for it."""
+        """Watchdog timeout in s; 0 where there is no watchdog, or the wire does not enable it."""
         ...
 
 
 @runtime_checkable
 class Beaten(Watched, Protocol):
-    """One whose heartbeat the executive sends; the others beat wherever they are read."""
+    """A watched output whose heartbeat the executive sends; for the others every read counts as a heartbeat."""
 
     def beat(self) -> None:
-        """Send a heartbeat, if anything is on.
+        """Send a heartbeat if anything is on.
 
         Raises:
-            Rejected: the instrument has made the output safe since the last one.
-            DeviceFault: it does not answer, or nonsense.
+            Rejected: the instrument has made the output safe since the last heartbeat.
+            DeviceFault: it does not answer, or answers nonsense.
         """
         ...
 

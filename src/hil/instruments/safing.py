@@ -1,4 +1,4 @@
-"""What drivers share where they say how an output is made safe by bytes alone."""
+"""Shared by drivers that describe how bytes alone make an output safe."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from hil.model.errors import Refused
 __all__ = ["LONGEST_REPLY_S", "NUMBER", "must_be_state", "own_bounds"]
 
 LONGEST_REPLY_S = 0.5
-"""How long a reply is waited for where the bench file does not say it: the longest that one transaction may take."""
+"""Default reply timeout in s: the longest that one transaction may take."""
 
 NUMBER = rb"([+-]?(?:\d+\.?\d*|\.\d+)(?:[Ee][+-]?\d+)?)"
 """A decimal number, as a group."""
 
 
 def must_be_state(role: Role, name: str, state: str) -> None:
-    """Return if the role has that safe state; raise Refused otherwise.
+    """Raise Refused unless the role has that safe state.
 
     Args:
         role: the role that the output fills.
-        name: of the role instance, for the message.
+        name: name of the role instance, for the message.
         state: such as `off`.
     """
     states = role.states
@@ -30,7 +30,7 @@ def must_be_state(role: Role, name: str, state: str) -> None:
 
 
 def own_bounds(name: str, proof: Proof | None, quantity: str) -> tuple[float, float] | None:
-    """Return the bounds of a proof that reads this quantity of this very output, None if it does not."""
+    """Return the bounds of a proof if it reads this quantity of this same output, otherwise None."""
     if proof is None or (proof.output, proof.quantity) != (name, quantity):
         return None
     return proof.minimum, proof.maximum

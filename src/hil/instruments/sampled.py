@@ -1,4 +1,4 @@
-"""Roles that `record` can sample: number by number, streamed by the device itself, or captured around a trigger."""
+"""Roles that `record` can sample: polled, streamed by the device, or captured around a trigger."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ __all__ = [
 
 @dataclass(frozen=True, slots=True)
 class Channel:
-    """One channel of a sampled role: its name, and the unit of its numbers."""
+    """One channel of a sampled role: name and unit."""
 
     name: str
     unit: str
@@ -39,21 +39,21 @@ class Sampled(Protocol):
     """Anything that `record` can sample."""
 
     def channels(self) -> tuple[Channel, ...]:
-        """Return the channels, in the order of a sample's numbers."""
+        """Return the channels, in the order of a sample's values."""
         ...
 
     def sample(self) -> tuple[float, ...]:
-        """Return the newest number of every channel; NaN where the device marks it invalid."""
+        """Return the newest value of every channel; NaN where the device marks it invalid."""
         ...
 
 
 class ReadBacks:
-    """What `record` samples of a role that has no samples of its own: every quantity that it reads.
+    """Sampling for a role without samples of its own: `record` reads each of its quantities.
 
-    They are asked for one after the other; the time of a sample is when the last one came.
+    They are read one after the other; the time of a sample is that of its last reading.
 
     Args:
-        role: what the driver's object fills.
+        role: the role that the driver's object fills.
         filled: the driver's object.
     """
 
@@ -72,17 +72,17 @@ class ReadBacks:
 
 @dataclass(frozen=True, slots=True)
 class StreamReport:
-    """How a streamed recording went.
+    """Statistics of a streamed recording.
 
     Attributes:
         frames: frames received.
         lost: frames that never came.
-        drift: rate of the device's clock against the bench's minus 1, None if unknown.
+        drift: rate of the device's clock relative to the bench's, minus 1; None if unknown.
         drift_uncertainty: standard uncertainty of `drift`.
-        lost_samples: samples that the device dropped, or sent damaged, inside of frames that came.
-        losses_known: whether every loss shows; False where frames have no numbers.
-        time_uncertainty: standard uncertainty in s of the rows' times against the bench's clock at their beginning,
-            None if it is not told.
+        lost_samples: samples dropped by the device, or damaged, within frames that arrived.
+        losses_known: whether every loss is detected; False where frames are not numbered.
+        time_uncertainty: standard uncertainty in s of the row times against bench time, as at the start of the
+            stream; None if unknown.
     """
 
     frames: int
@@ -95,35 +95,35 @@ class StreamReport:
 
 
 class Streamed(Sampled, Protocol):
-    """A sampled role that can also run by itself and be emptied block by block."""
+    """A sampled role that can also sample autonomously and be read in blocks."""
 
     def begin(self, rate: float) -> None:
-        """Let the device sample at `rate` [Hz] by itself; device time starts to count."""
+        """Start sampling autonomously at `rate` [Hz]; device time starts at 0."""
         ...
 
     def drain(self) -> NDArray[np.float64]:
         """Return the samples since the last call, shape (n, 1 + channels): device time in s since `begin`, channels.
 
-        A sample that was lost leaves its place in time empty. Call it at least every `longest_pause` seconds.
+        A lost sample leaves a gap in time. Call this at least every `longest_pause` seconds.
         """
         ...
 
     def end(self) -> StreamReport:
-        """Stop sampling and return how it went."""
+        """Stop sampling, and return the stream's statistics."""
         ...
 
     @property
     def longest_pause(self) -> float:
-        """Seconds after which a buffer on the way overflows at the present rate, with a margin."""
+        """Seconds until a buffer in the path overflows at the present rate, with a margin."""
         ...
 
 
 class Choosing(Protocol):
-    """What a role with the operations of `Streamed` can say beside: whether it can run by itself, or be asked.
+    """Extension of `Streamed`: whether the role can stream as wired, or be polled instead.
 
     Attributes:
-        streams: whether it can run by itself as it is wired.
-        can_be_asked: whether it can be asked for samples beside other roles instead.
+        streams: whether it can stream as it is wired.
+        can_be_asked: whether it can be polled for samples alongside other roles instead.
     """
 
     streams: bool
@@ -131,32 +131,32 @@ class Choosing(Protocol):
 
 
 class Patient(Protocol):
-    """What a streamed role can say beside: how much longer than `longest_pause` its rows can wait, and none is lost."""
+    """Extension of `Streamed`: how long, beyond `longest_pause`, rows can wait without loss."""
 
     @property
     def patience(self) -> float:
-        """Seconds after which a buffer on the way overflows, or the device misses its host, with a margin."""
+        """Seconds until a buffer in the path overflows, or the device's host watchdog expires, with a margin."""
         ...
 
 
 class Ending(Protocol):
-    """What a streamed role can do beside: say that the test that its device runs by itself has ended."""
+    """Extension of `Streamed`: whether the test that the device runs autonomously has ended."""
 
     @property
     def over(self) -> bool:
-        """Whether the device reported the end of its test, as far as is known; it is not asked."""
+        """Whether the device has reported the end of its test so far; it is not queried."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class Screen:
-    """What one channel of a capture can show, in the channel's unit.
+    """Range and resolution of one channel of a capture, in the channel's unit.
 
     Attributes:
-        probe: the factor between what the instrument sees and the channel's values.
-        resolution: the step of the converter.
-        low: the least value that it has; a sample there may be less.
-        high: the largest one.
+        probe: probe factor: channel value over input voltage.
+        resolution: converter step.
+        low: lowest value; a sample there may be clipped.
+        high: highest value; likewise.
     """
 
     probe: float
@@ -167,16 +167,16 @@ class Screen:
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """A capture that an instrument has finished.
+    """Description of a completed capture.
 
     Attributes:
-        interval: the time between two rows in s.
-        first: the time of the first row in s after the trigger, negative before it.
-        rows: how many there are.
+        interval: time between two rows in s.
+        first: time of the first row in s relative to the trigger, negative before it.
+        rows: number of rows.
         channel: the channel that triggered.
-        level: the level of the trigger, in the unit of its channel.
-        slope: of the trigger.
-        screens: of every channel, in their order.
+        level: trigger level, in the unit of its channel.
+        slope: trigger slope.
+        screens: range and resolution of each channel, in channel order.
     """
 
     interval: float
@@ -189,20 +189,20 @@ class Frame:
 
 
 class Captured(Protocol):
-    """A role that takes samples by itself around its trigger, and is read afterwards."""
+    """A role that captures samples around a trigger, and is read afterwards."""
 
     def channels(self) -> tuple[Channel, ...]:
-        """Return the channels, in the order of a row's numbers."""
+        """Return the channels, in the order of a row's values."""
         ...
 
     def complete(self) -> bool:
-        """Return whether the trigger has come, and the samples after it too."""
+        """Return whether the capture is complete: triggered, with all samples after the trigger taken."""
         ...
 
     def frame(self) -> Frame:
-        """Return what was captured."""
+        """Return the description of the capture."""
         ...
 
     def blocks(self, frame: Frame) -> Iterator[NDArray[np.float64]]:
-        """Give the rows in blocks, shape (n, 1 + channels): s after the trigger, channels; reading one is quick."""
+        """Yield the rows in blocks, shape (n, 1 + channels): s after the trigger, channels; each read is short."""
         ...

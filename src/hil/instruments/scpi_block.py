@@ -1,4 +1,4 @@
-"""Blocks of bytes in a SCPI session: how waveforms and memories are read."""
+"""Binary blocks in a SCPI session, for reading waveforms and memories."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ _DIGITS = (b"1", b"2", b"3", b"4", b"5", b"6", b"7", b"8", b"9")
 
 
 class BlockSession(ClosedSession):
-    """A session that can ask for blocks of definite length (IEEE 488.2-1992, 8.7.9): `#`, digits, length, bytes.
+    """A session that can read definite-length blocks (IEEE 488.2-1992, 8.7.9): `#`, digits, length, bytes.
 
-    The identification closes a block as it closes any reply. A byte that a bad line changed within a block does not
-    show.
+    The identification closes a block as it closes any reply. A byte corrupted within a block is not
+    detected.
     """
 
     def block(self, command: str) -> bytes:
-        """Ask for a block, and return its bytes; asked again where nothing or nonsense comes.
+        """Query a block, and return its bytes; silence and malformed replies are retried.
 
         Raises:
             NoReply, Garbled: see `query`.
@@ -42,13 +42,13 @@ class BlockSession(ClosedSession):
         return data
 
     def _exactly(self, command: str, count: int) -> bytes:
-        """Read so many bytes, in parts that are quick to read."""
+        """Read exactly `count` bytes, in parts that are each quick to read."""
         came = b""
         while len(came) < count:
             try:
                 part = self._port.read(min(count - len(came), _PART))
             except OSError as error:
-                raise self._dead_port(command, error) from error
+                raise self._port_failed(command, error) from error
             if not part:
                 raise NoReply(
                     self._device,

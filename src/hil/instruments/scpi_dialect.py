@@ -1,4 +1,4 @@
-"""What a dialect of SCPI supplies is: the commands of one family, how its replies read, and what a wire may set."""
+"""Dialect of SCPI supplies: one family's commands, reply parsers and wire settings."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _AtSetting = Annotated[
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Levels:
-    """What a wire may set of protections: nothing here, where a family has none."""
+    """Wire settings of a family's protections; this base has none."""
 
     @property
     def over_voltage(self) -> float | None:
@@ -34,21 +34,21 @@ class Levels:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VoltageLevel(Levels):
-    """What a wire may set: the level of the over-voltage protection [V]."""
+    """Wire settings: the level of the over-voltage protection [V]."""
 
     over_voltage: Annotated[float | None, measured("V")] = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BothLevels(VoltageLevel):
-    """The level of the over-current protection [A] besides, where there is one."""
+    """Wire settings with, in addition, the level of the over-current protection [A]."""
 
     over_current: Annotated[float | None, measured("A")] = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LevelAndFuse(VoltageLevel):
-    """Whether the over-current protection is on besides, where it trips at the current limit."""
+    """Wire settings with, in addition, a switch for an over-current protection that trips at the current limit."""
 
     over_current: _AtSetting = ""
 
@@ -58,11 +58,11 @@ class Protection:
     """The commands of one protection; `{channel}` and `{value}` are filled in.
 
     Attributes:
-        tripped: asks whether it has tripped.
+        tripped: queries whether it has tripped.
         set_level: sets the level (V or A); empty if it has none.
-        get_level: asks for it.
+        get_level: queries the level.
         arm: switches it on; empty if it is always on.
-        armed: asks whether it is on.
+        armed: queries whether it is on.
     """
 
     tripped: str
@@ -73,7 +73,7 @@ class Protection:
 
 
 def mode_of(*, voltage: int, current: int) -> Callable[[str, int], str]:
-    """Return what reads a condition register with these bits for the two ways of regulating; both are neither."""
+    """Return the parser of a condition register with these CV and CC bits; both at once mean unregulated."""
     modes = {voltage: "CV", current: "CC"}
 
     def parse(reply: str, channel: int) -> str:
@@ -88,19 +88,19 @@ _AS_MODE = mode_of(voltage=1 << 1, current=1 << 0)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Dialect(SwitchedSpeech):
-    """One family's commands; `{channel}` and `{value}` are filled in.
+    """Commands of one family; `{channel}` and `{value}` are filled in.
 
     Attributes:
-        channels: the outputs that the family has.
-        mode: asks how the output regulates.
-        over_voltage: the protection that switches off at too high a voltage, where there is one.
-        over_current: the protection that switches off at too high a current, where a wire may use it.
-        levels: what a wire may set of the protections.
-        ratings: what each channel of a model can be set to at most [V, A]; a model that is not listed has all of
-            `channels`, and only the instrument knows its ratings.
-        as_armed: reads whether a protection is on.
-        as_trip: reads whether a protection has tripped.
-        as_mode: reads `CV`, `CC` or `unregulated` of a channel.
+        channels: channel numbers of the family.
+        mode: queries the regulation mode.
+        over_voltage: the over-voltage protection, where there is one.
+        over_current: the over-current protection, where a wire may use it.
+        levels: model of the wire settings of the protections.
+        ratings: highest settings of each channel of a model [V, A]; a model not listed has all of `channels`, and only
+            the instrument knows its ratings.
+        as_armed: parses whether a protection is on.
+        as_trip: parses whether a protection has tripped.
+        as_mode: parses a channel's mode, `CV`, `CC` or `unregulated`.
     """
 
     channels: tuple[int, ...]
@@ -120,10 +120,10 @@ class Dialect(SwitchedSpeech):
     as_mode: Callable[[str, int], str] = _AS_MODE
 
     def channels_of(self, model: str) -> tuple[int, ...]:
-        """Return the outputs that a model has, all of the family's where it is not listed."""
+        """Return a model's channel numbers, or all of the family's if it is not listed."""
         return self.channels[: len(self.ratings.get(model, self.channels))]
 
     @property
     def differs(self) -> bool:
-        """Whether models have fewer outputs than the family."""
+        """Whether some models have fewer channels than the family."""
         return any(len(each) < len(self.channels) for each in self.ratings.values())

@@ -1,4 +1,4 @@
-"""What SCPI instruments share: how a family talks, its session, and terminals that are switched."""
+"""Base of SCPI instruments: conventions of a family, session, and switched terminals."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from hil.model.safing import Exchange, SafeBytes
 __all__ = ["OFF", "ReadBack", "ScpiInstrument", "ScpiTerminals", "Speech", "SwitchedSpeech"]
 
 OFF = rb"\+?0|(?i:OFF)"
-"""What a reply looks like that means off, as a regular expression; nothing that means on matches it."""
+"""Regular expression of a reply that means off; no reply that means on matches it."""
 
 _GAP_S = 0.02
 _IDENTIFY = "*IDN?"
@@ -32,15 +32,15 @@ _IDENTIFICATION = rb"[^,;\r\n]+(?:,[^,;\r\n]*){3,%d}"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Speech:
-    """How one family of instruments talks.
+    """SCPI conventions of one family of instruments.
 
     Attributes:
         driver: the driver's name in bench files.
-        error_query: takes the oldest entry out of the error queue.
-        framed: whether a question may stand in a line with `*IDN?`.
-        fields: the most fields of an identification.
-        pause_s: what the instrument needs between lines [s].
-        blocks: whether it gives blocks of bytes, in a session that is not framed: `BlockSession`.
+        error_query: query that takes the oldest entry from the error queue.
+        framed: whether a query may share a line with `*IDN?`.
+        fields: maximum number of fields of an identification.
+        pause_s: minimum pause between lines [s].
+        blocks: whether it sends binary blocks, in a session that is not framed: `BlockSession`.
     """
 
     driver: str
@@ -63,15 +63,15 @@ def _says_off(channel: int) -> bytes:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SwitchedSpeech(Speech):
-    """How a family talks whose terminals are switched; `{channel}` is filled in.
+    """SCPI conventions of a family with switched terminals; `{channel}` is filled in.
 
     Attributes:
-        decimals: digits after the point that are sent.
-        tolerance: how far a setting that is read back may lie from what was sent, in its unit: the family's coarsest
-            programming step.
-        switch_on, switch_off, is_on: switch the terminals, and ask whether they are on.
-        as_state: reads whether they are on.
-        says_off: returns what the reply of `is_on` looks like where they are off, as a regular expression.
+        decimals: number of decimals sent.
+        tolerance: largest difference between a setting and its read-back, in its unit: the family's coarsest
+            programming resolution.
+        switch_on, switch_off, is_on: commands that switch the terminals, and query whether they are on.
+        as_state: parses whether they are on.
+        says_off: returns the regular expression of the reply to `is_on` for terminals that are off.
     """
 
     decimals: int
@@ -84,7 +84,7 @@ class SwitchedSpeech(Speech):
 
 
 class ReadBack:
-    """Settings that are sent, and must read back as they were sent.
+    """Settings that are read back and must match what was sent.
 
     Args:
         name: the wire's dotted name.
@@ -96,17 +96,17 @@ class ReadBack:
         self._name, self._device, self._session = name, device, session
 
     def word(self, header: str, word: str) -> None:
-        """Set a word; Rejected where another one reads back."""
+        """Set a keyword; Rejected where it reads back differently."""
         self._session.setting(f"{header} {word}")
         self._same(header, word, self._session.query(f"{header}?", as_text))
 
     def switch(self, header: str, on: bool) -> None:
-        """Switch something; Rejected where it reads back otherwise."""
+        """Set a switch; Rejected where it reads back differently."""
         self._session.setting(f"{header} {'ON' if on else 'OFF'}")
         self._same(header, on, self._session.query(f"{header}?", as_switch))
 
     def number(self, header: str, value: float, tolerance: float = 0.0) -> None:
-        """Set a number; Rejected where what reads back is farther from it than a tolerance and rounding."""
+        """Set a number; Rejected where the read-back differs by more than the tolerance and rounding."""
         self._session.setting(f"{header} {value:.9g}")
         found = self._session.query(f"{header}?", as_number)
         if not abs(found - value) <= tolerance + 1e-6 * abs(value):
@@ -122,18 +122,18 @@ class ReadBack:
 
 
 class ScpiTerminals:
-    """Terminals that are switched: an output of a supply, the input of a load.
+    """Switched terminals: an output of a supply, the input of a load.
 
-    Every setting is permitted by the clamps right before its bytes leave, sent once, followed by the
-    error queue, and read back.
+    Every setting is checked against the clamps right before its bytes leave, sent once, followed by a
+    query of the error queue, and read back.
 
     Args:
         name: the wire's dotted name.
         device: the instrument's name, for messages.
         session: the instrument's session.
-        speech: how it talks.
-        clamps: what its terminals may be told.
-        channel: which of them.
+        speech: its SCPI conventions.
+        clamps: the clamps on its terminals.
+        channel: channel number.
     """
 
     fills: ClassVar[Role]
@@ -150,29 +150,29 @@ class ScpiTerminals:
 
     @drives
     def disable(self) -> None:
-        """Switch off; the bytes leave first, whatever state the dialogue is in."""
+        """Switch off; the bytes leave at once, whatever state the dialogue is in."""
         self._session.setting(self._filled(self._speech.switch_off), urgent=True)
         if self.enabled():
             raise Rejected(self._device, f"{self._name} was switched off and is on", "cut its mains, then check it")
 
     @reads
     def enabled(self) -> bool:
-        """Return whether the instrument says that they are on."""
+        """Return whether the instrument reports them as on."""
         speech = self._speech
         return self._session.query(self._filled(speech.is_on), lambda reply: speech.as_state(reply, self._channel))
 
     def _switch_on(self) -> bool:
-        """Switch on, and return whether they are."""
+        """Switch on, and return whether the instrument reports them as on."""
         self._session.setting(self._filled(self._speech.switch_on))
         return self.enabled()
 
     def _safe_bytes(self, state: str, proof: Proof | None, questions: dict[str, str]) -> SafeBytes:
-        """Return the bytes of off; see `hil.instruments.roles.SafeByBytes`.
+        """Return the bytes that switch off; see `hil.instruments.roles.SafeByBytes`.
 
         Args:
-            state: of the role.
-            proof: as the bench file has it.
-            questions: what asks for each quantity that a proof may read.
+            state: one of the role's states.
+            proof: the bench file's proof.
+            questions: the query of each quantity that a proof may read.
         """
         must_be_state(self.fills, self._name, state)
         speech = self._speech
@@ -186,7 +186,7 @@ class ScpiTerminals:
         return _switched_off(speech, self._filled(speech.switch_off), tuple(asked), self._session)
 
     def _set(self, quantity: str, command: str, question: str, value: float) -> None:
-        """Permit, send, ask the error queue, read back, compare."""
+        """Check against the clamps, send, query the error queue, read back, compare."""
         text = f"{value:.{self._speech.decimals}f}"
         self._clamps.permit(self._channel, quantity, value)
         self._session.setting(self._filled(command, value=text))
@@ -199,7 +199,7 @@ class ScpiTerminals:
             )
 
     def _sendable(self, quantity: str, value: float) -> float:
-        """Return the number that will be sent, so that the clamps judge that one."""
+        """Return the value as it will be sent, so that the clamps check that one."""
         if not math.isfinite(value):
             raise Refused(f"{self._name}: {quantity} {value} is not a number to set", "give a finite number")
         return round(value, self._speech.decimals)
@@ -213,9 +213,9 @@ class ScpiTerminals:
 
 
 class ScpiInstrument:
-    """The session of a driver, and who answers in it. The instrument is never reset.
+    """Base of SCPI drivers: session and identification. The instrument is never reset.
 
-    `*RST` would switch outputs off in an order that nobody chose, and forget what a person had set.
+    `*RST` would switch outputs off in an arbitrary order, and discard settings made by hand.
     """
 
     capabilities: ClassVar[frozenset[str]] = frozenset({TERMINATED})
@@ -239,11 +239,11 @@ class ScpiInstrument:
         )
 
     def outlets(self) -> Sequence[Outlet]:
-        """Return none: what only measures drives nothing; see `hil.instruments.driver.Driver`."""
+        """Return an empty list, as for an instrument that only measures; see `hil.instruments.driver.Driver`."""
         return ()
 
     def identify(self) -> Identity:
-        """Ask `*IDN?`."""
+        """Query `*IDN?`."""
         manufacturer, model, serial, firmware = self._session.identification()
         return Identity(manufacturer=manufacturer, model=model, serial=serial, firmware=firmware)
 
@@ -254,22 +254,22 @@ def _switched_off(
     questions: tuple[tuple[str, bytes, tuple[float, float] | None], ...],
     session: ScpiSession,
 ) -> SafeBytes:
-    """Return how an output is made safe by bytes alone.
+    """Return the bytes that make an output safe.
 
-    A killed program may have left half a line, and a line feed would let the instrument execute it: `OUTP ON` without
-    the channels that were to follow switches whichever is selected. So the first thing sent is `*IDN?`: after half a
-    line it makes nonsense of it, which is refused whole; after nothing it is a question that changes nothing. The error
-    queue is not emptied: what stands there shows the next program what happened.
+    A killed program may have left half a line, which a line feed would execute: `OUTP ON` without its channel list
+    switches whichever channel is selected. So the first thing sent is `*IDN?`: appended to half a line it makes that
+    invalid, and the whole is refused; on its own it is a query that changes nothing. The error queue is not emptied:
+    its entries show the next program what happened.
 
-    The proof begins with `*IDN?` too: when its reply has come, the instrument talks, and no older one is owed.
+    The proof begins with `*IDN?` too: its reply shows that the instrument answers and that no older reply is due.
 
-    A line may come back before its reply, blanks may surround a reply, and a carriage return may end it.
+    The line may be echoed before its reply, blanks may surround a reply, and a carriage return may end it.
 
     Args:
-        speech: whether a question may stand in a line with `*IDN?`, and what the instrument needs between lines.
-        off: the command.
-        questions: what is asked, what the reply must be, and the bounds of the number in it, if there is one.
-        session: says what ends a line, and how long a reply may take.
+        speech: SCPI conventions: whether queries are framed by `*IDN?`, and the pause between lines.
+        off: the command to switch off.
+        questions: each query, the pattern of its reply, and the bounds of the number in it, if there is one.
+        session: supplies terminator and reply timeout.
     """
     quiet_s, within_s = _GAP_S + speech.pause_s, session.timeout
     begins, ends = (rb"(?:\A|\r)", rb" *\r") if session.terminator == b"\r" else (rb"(?:\A|\n)", rb" *\r?\n")

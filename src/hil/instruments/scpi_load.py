@@ -1,4 +1,4 @@
-"""The role of an electronic load over SCPI, by a dialect: the table of one family's commands."""
+"""Role `electronic_load` over SCPI, by a dialect: the table of one family's commands."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ class LoadMode:
 
     Attributes:
         quantity: what it keeps constant.
-        choose: chooses it.
+        choose: selects the mode.
         set_level: sets its level.
-        get_level: asks for that.
-        set_range: chooses the range, empty where there is none.
-        ranges: the ends of the ranges, rising.
+        get_level: queries the level.
+        set_range: selects the range; empty where there is none.
+        ranges: upper ends of the ranges, ascending.
     """
 
     quantity: str
@@ -45,13 +45,13 @@ class LoadMode:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoadDialect(SwitchedSpeech):
-    """One family's commands.
+    """Commands of one family of loads.
 
     Attributes:
-        modes: by their names: `CC`, `CR`, `CP`, `CV`.
-        which: asks for the mode.
-        said: what the answer to that may be, in capitals, and the mode that it means.
-        measure: what asks for each quantity.
+        modes: modes by name: `CC`, `CR`, `CP`, `CV`.
+        which: queries the mode.
+        said: the possible replies to that, in capitals, and the mode that each means.
+        measure: the query of each quantity.
     """
 
     modes: Mapping[str, LoadMode]
@@ -63,8 +63,8 @@ class LoadDialect(SwitchedSpeech):
 class ScpiLoadInput(ScpiTerminals):
     """The input of an electronic load; fills the role `electronic_load`.
 
-    A mode is chosen after its level was set, so that an input that is on never jumps to a level from before. Switching
-    on asks the clamps too: what the instrument has been set to at its front panel must be permitted as well.
+    A mode is selected after its level is set, so that an input that is on never jumps to an old level. Switching on
+    checks the present settings, possibly made at the front panel, against the clamps too.
 
     Args:
         name, device, session, clamps, channel: see `ScpiTerminals`.
@@ -81,33 +81,33 @@ class ScpiLoadInput(ScpiTerminals):
 
     @drives
     def constant_current(self, current: float) -> None:
-        """Take a constant current [A].
+        """Sink a constant current [A].
 
         Raises:
-            Refused: the bench file has no clamp on its current; nothing was sent.
-            ClampExceeded: it is not permitted; nothing was sent.
-            Rejected: the instrument refused it, or reads back another.
+            Refused: the bench file has no clamp on the current; nothing was sent.
+            ClampExceeded: the level exceeds the clamp; nothing was sent.
+            Rejected: the instrument refused it, or reads back differently.
         """
-        self._become("CC", current)
+        self._select("CC", current)
 
     @drives
     def constant_resistance(self, resistance: float) -> None:
-        """Be a resistor [ohm]; see `constant_current`."""
-        self._become("CR", resistance)
+        """Act as a constant resistance [ohm]; see `constant_current`."""
+        self._select("CR", resistance)
 
     @drives
     def constant_power(self, power: float) -> None:
-        """Take a constant power [W]; see `constant_current`."""
-        self._become("CP", power)
+        """Sink a constant power [W]; see `constant_current`."""
+        self._select("CP", power)
 
     @drives
     def constant_voltage(self, voltage: float) -> None:
-        """Bring the voltage down to this one [V]; see `constant_current`."""
-        self._become("CV", voltage)
+        """Hold the voltage down at this level [V]; see `constant_current`."""
+        self._select("CV", voltage)
 
     @drives
     def enable(self) -> None:
-        """Switch the input on, if what it is set to is permitted."""
+        """Switch the input on, if the clamps permit its settings."""
         mode = self._mode(self.mode())
         self._clamps.permit(self._channel, mode.quantity, self._number(mode.quantity, mode.get_level))
         if not self._switch_on():
@@ -139,10 +139,10 @@ class ScpiLoadInput(ScpiTerminals):
         return self._measured("resistance")
 
     def safe_bytes(self, state: str, proof: Proof | None = None) -> SafeBytes:
-        """Return the bytes of off; see `hil.instruments.roles.SafeByBytes`. Every quantity can be asked for."""
+        """Return the bytes that switch off; see `hil.instruments.roles.SafeByBytes`. Every quantity can be queried."""
         return self._safe_bytes(state, proof, dict(self._dialect.measure))
 
-    def _become(self, name: str, level: float) -> None:
+    def _select(self, name: str, level: float) -> None:
         mode = self._mode(name)
         level = self._sendable(mode.quantity, level)
         self._clamps.permit(self._channel, mode.quantity, level)
@@ -168,7 +168,7 @@ class ScpiLoadInput(ScpiTerminals):
         return mode
 
     def _range(self, mode: LoadMode, level: float) -> float:
-        """Return the end of the smallest range that holds the level and all that the clamp allows."""
+        """Return the upper end of the smallest range that covers the level and the whole clamp."""
         highest = max(level, self._clamps.bounds(self._channel, mode.quantity)[1])
         return next((end for end in mode.ranges if end >= highest), mode.ranges[-1])
 
@@ -184,17 +184,17 @@ class ScpiLoadInput(ScpiTerminals):
 
 
 class ScpiLoad(ScpiInstrument):
-    """A driver for electronic loads of one dialect, with one input: role `electronic_load`."""
+    """Base driver for single-input electronic loads of one dialect: role `electronic_load`."""
 
     roles: ClassVar[frozenset[str]] = frozenset({"electronic_load"})
     dialect: ClassVar[LoadDialect]
 
     def __init_subclass__(cls) -> None:
-        """Talk as the dialect has it."""
+        """Adopt the dialect's SCPI conventions."""
         cls.speech = cls.dialect
 
     def outlets(self) -> Sequence[Outlet]:
-        """Ask whether the input is on."""
+        """Query whether the input is on."""
         on = self._session.query(self.dialect.is_on, lambda reply: self.dialect.as_state(reply, 0))
         return (Outlet(0, on),)
 

@@ -1,20 +1,20 @@
-"""A SCPI session on a port: lines out, strict replies in, and never a reply taken for another query's.
+"""SCPI session on a port: strict replies, each matched to its own query.
 
-Every exchange is bounded by the port's timeout. Queries only read, so they are asked
-again; settings are written once and proven by what the instrument says afterwards.
+Every exchange is bounded by the port's timeout. Queries only read, so they are retried;
+settings are written once and verified by the error queue and by reading back.
 
-Nobody owes the host a byte that it did not ask for. What waits before a question while the session is in
-step is a fault of its own: it may be the reply that the question before should have got. What comes between
-a question and its reply is kept apart by a frame: the instrument is asked for its identification in
-the same line, and only a line that begins with it is a reply.
+Unsolicited bytes are never expected. Bytes waiting before a query while the session is in step are a fault
+in themselves: they may be the reply to the previous query. Bytes that come between a query and its reply are
+told apart by a frame: the query shares its line with an identification query, and only a line that begins
+with the identification is a reply.
 
-A query that got no reply, or nonsense, leaves the session out of step: its reply may still come.
-Instruments answer in order, so the session then asks `*IDN?` and throws away every line before the
-fields that only this query gives.
+A query without a reply, or with a malformed one, leaves the session out of step: its reply may still
+come. Instruments answer in order, so the session then sends `*IDN?` and discards every line before the
+fields that only this query returns.
 
-Firmware spells alike things differently. Blanks around a reply do not count, a switch is a digit or a word, a number
-may carry its unit, and text that says of no error that there is none may lack its quotes. A banner may wait before the
-first `*IDN?`, and where a line comes back before its reply, every line is expected to.
+Firmware varies in notation. Blanks around a reply are ignored, a switch is a digit or a word, a number may carry its
+unit, and the text of the `no error` entry may lack its quotes. A banner may be waiting before the first `*IDN?`, and
+where one line is echoed before its reply, every line is expected to be.
 """
 
 from __future__ import annotations
@@ -57,16 +57,16 @@ _T = TypeVar("_T")
 
 
 class ScpiSession:
-    """The host's end of one SCPI dialogue.
+    """The host's end of a SCPI dialogue.
 
     Args:
         device: the instrument's name in the bench file, for messages.
         port: the open byte stream.
-        terminator: what ends every line, both ways.
+        terminator: line terminator in both directions.
         timeout: longest wait for one reply in seconds.
-        error_query: the query that takes the oldest entry out of the error queue.
-        framed: whether questions are asked together with `*IDN?`, for instruments that take several in a line.
-        fields: the most fields of an identification; firmware may have one more than the standard's four.
+        error_query: the query that takes the oldest entry from the error queue.
+        framed: whether queries share a line with `*IDN?`, for instruments that accept several in a line.
+        fields: maximum number of fields of an identification; firmware may add one to the standard's four.
     """
 
     def __init__(
@@ -95,7 +95,7 @@ class ScpiSession:
 
     @property
     def terminator(self) -> bytes:
-        """What ends every line."""
+        """Line terminator."""
         return self._terminator
 
     @property
@@ -105,31 +105,31 @@ class ScpiSession:
 
     @property
     def model(self) -> str:
-        """The model that the identification named last, empty before the first one."""
+        """Model of the last identification, empty before the first."""
         return self._frame.split(",")[1].strip() if self._frame else ""
 
     @property
     def discarded(self) -> int:
-        """How many bytes came that nobody had asked for."""
+        """Number of unsolicited bytes received."""
         return self._discarded
 
     def query(self, command: str, parse: Callable[[str], _T]) -> _T:
-        """Ask, and return the parsed reply; asked again where nothing or nonsense comes.
+        """Send a query, and return the parsed reply; silence and malformed replies are retried.
 
         Args:
             command: the query, without its terminator.
-            parse: makes a value of the reply's text, or raises ValueError with what it expected.
+            parse: converts the reply's text, or raises ValueError naming what it expected.
 
         Raises:
-            NoReply: nothing, or half a line, came each time.
-            Garbled: a line came that `parse` does not accept, or bytes that nobody had asked for.
+            NoReply: no attempt got a complete line.
+            Garbled: `parse` does not accept the line, or unsolicited bytes came.
         """
         return self._query(lambda: self._ask(command, parse))
 
     def identification(self) -> tuple[str, str, str, str]:
-        """Ask `*IDN?` and return manufacturer, model, serial number and firmware.
+        """Query `*IDN?` and return manufacturer, model, serial number and firmware.
 
-        What waits before the first time, such as a banner, is no reply to any question and is thrown away.
+        Bytes waiting before the first query, such as a banner, answer nothing and are discarded.
 
         Raises:
             NoReply, Garbled: see `query`.
@@ -137,17 +137,17 @@ class ScpiSession:
         return self._query(lambda: self._bare("*IDN?", self._identified), banner=not self._frame)
 
     def setting(self, command: str, *, urgent: bool = False) -> None:
-        """Send a setting once, and take everything out of the error queue.
+        """Send a setting once, and empty the error queue.
 
-        Entries from before this setting are not held against it.
+        Older entries are not held against this setting.
 
         Args:
             command: the setting, without its terminator.
-            urgent: let it leave before anything is asked, even out of step: for switching off.
+            urgent: send it before any query, even out of step: for switching off.
 
         Raises:
             Rejected: the instrument queued an error.
-            NoReply, Garbled: see `query`; an urgent setting has left before.
+            NoReply, Garbled: see `query`; an urgent setting was sent first all the same.
         """
         if not urgent:
             if not self._queue_known:
@@ -165,7 +165,7 @@ class ScpiSession:
             )
 
     def errors(self) -> tuple[str, ...]:
-        """Take every entry out of the error queue, oldest first."""
+        """Empty the error queue, and return its entries, oldest first."""
         queued: list[str] = []
         while len(queued) < _LONGEST_ERROR_QUEUE:
             number, text = self.query(self._error_query, _as_error)
@@ -180,13 +180,13 @@ class ScpiSession:
         )
 
     def _query(self, ask: Callable[[], _T], *, banner: bool = False) -> _T:
-        """Ask until there is a reply, three times at most; what came unasked is raised at once, but for a banner."""
+        """Retry until there is a reply, three attempts at most; unsolicited bytes but a banner are raised at once."""
         self._must_be_quiet(banner=banner)
         faults: list[DeviceFault] = []
         while len(faults) < _ATTEMPTS:
             try:
                 if not self._in_step:
-                    self._step_again()
+                    self._resynchronise()
                 return ask()
             except (NoReply, Garbled) as fault:
                 self._in_step = self._queue_known = False
@@ -200,7 +200,7 @@ class ScpiSession:
         return self._bare(f"*IDN?;{separator}{command}", lambda line: parse(self._unframed(line)))
 
     def _unframed(self, line: str) -> str:
-        """Return what follows the identification, which must be the one that was learnt last."""
+        """Return the text after the identification, which must be the one learnt last."""
         frame, separator, reply = line.partition(";")
         if not separator or frame != (self._frame or frame):
             raise ValueError(f"a reply that begins with {self._frame or 'the identification'};")
@@ -225,7 +225,7 @@ class ScpiSession:
             raise self._garbled(command, str(error), line) from None
 
     def _take_echo(self, command: str) -> None:
-        """Take the echo of a setting, from an instrument that echoes; without it the session is out of step."""
+        """Read the echo of a setting from an instrument that echoes; without it the session is out of step."""
         if self._echoes and self._in_step:
             self._in_step = False
             if (line := self._line(command)) != command:
@@ -244,13 +244,13 @@ class ScpiSession:
             self._port.timeout = self._timeout
             self._port.write(command.encode("ascii") + self._terminator)
         except OSError as error:
-            raise self._dead_port(command, error) from error
+            raise self._port_failed(command, error) from error
 
     def _line(self, command: str) -> str:
         try:
             line = self._port.read_line(self._terminator)
         except OSError as error:
-            raise self._dead_port(command, error) from error
+            raise self._port_failed(command, error) from error
         if not line.endswith(self._terminator):
             came = f"only {line!r} came" if line else "nothing came"
             raise NoReply(
@@ -260,11 +260,11 @@ class ScpiSession:
             )
         return line.removesuffix(self._terminator).decode("ascii", errors="backslashreplace").strip()
 
-    def _dead_port(self, command: str, error: OSError) -> NoReply:
+    def _port_failed(self, command: str, error: OSError) -> NoReply:
         return NoReply(self._device, f"the port failed at `{command}`: {error}", "check cable and power")
 
-    def _step_again(self) -> None:
-        """Bring queries and replies back into step, by the one reply that cannot be mistaken."""
+    def _resynchronise(self) -> None:
+        """Resynchronise queries and replies by the identification, the one unmistakable reply."""
         self._waiting()
         self._send("*IDN?")
         for _ in range(_MOST_LINES_OUT_OF_STEP):
@@ -279,7 +279,7 @@ class ScpiSession:
         raise Garbled(self._device, "unsolicited lines keep coming", "check what else talks to it")
 
     def _must_be_quiet(self, *, banner: bool = False) -> None:
-        """Refuse bytes that came unasked; out of step some may be owed, and stepping again deals with them."""
+        """Refuse unsolicited bytes; out of step late replies are expected, and resynchronising discards them."""
         if self._in_step and (stray := self._waiting()) and not banner:
             self._in_step = self._queue_known = False
             raise Garbled(
@@ -289,26 +289,26 @@ class ScpiSession:
             )
 
     def _waiting(self) -> bytes:
-        """Take what came unasked; the transcript shows it."""
+        """Read unsolicited bytes, so that the transcript shows them."""
         try:
             waiting = self._port.in_waiting
             stray = self._port.read(waiting) if waiting else b""
         except OSError as error:
-            raise self._dead_port("*IDN?", error) from error
+            raise self._port_failed("*IDN?", error) from error
         self._discarded += len(stray)
         return stray
 
 
 class ClosedSession(ScpiSession):
-    """The host's end of one SCPI dialogue, one question in a line. See `ScpiSession`.
+    """The host's end of a SCPI dialogue with one query per line. See `ScpiSession`.
 
-    A reply does not say which question it belongs to, and here the question cannot be asked together with `*IDN?`. So
-    the identification is asked for right after it. Instruments answer in order: if the next line is the identification,
-    then exactly one line came for the question. A line that nobody had asked for pushes the true reply to where the
-    identification should be.
+    A reply does not show which query it answers, and here the query cannot share a line with `*IDN?`. So the
+    identification is queried right after it. Instruments answer in order: if the next line is the identification, then
+    exactly one line answered the query. A stray line pushes the true reply to where the identification should
+    be.
 
-    After a fault identifications may be owed too, so that one of them would not show that the session is in step. The
-    port is listened to until it is silent for longer than the instrument takes to answer.
+    After a fault identifications may be outstanding too, so that receiving one would not prove that the session is in
+    step. The session then listens until the port is silent for longer than the instrument takes to answer.
     """
 
     def _ask(self, command: str, parse: Callable[[str], _T]) -> _T:
@@ -317,13 +317,13 @@ class ClosedSession(ScpiSession):
         return reply
 
     def _closes(self, line: str) -> None:
-        """Accept the identification that was learnt last, or learn it."""
+        """Accept the identification learnt last, or learn it."""
         if self._frame and line != self._frame:
             raise ValueError(self._frame)
         self._identified(line)
 
-    def _step_again(self) -> None:
-        """Listen until there is silence; then the first line must be the identification."""
+    def _resynchronise(self) -> None:
+        """Resynchronise: listen until the line is silent; then the first line must be the identification."""
         for _ in range(_MOST_LISTENED):
             if not self._silence():
                 break
@@ -333,25 +333,25 @@ class ClosedSession(ScpiSession):
         self._in_step = True
 
     def _silence(self) -> bytes:
-        """Return what comes within a tenth of a second, and throw it away."""
+        """Discard the bytes that come within a tenth of a second, and return them."""
         try:
             self._port.timeout = _SILENCE_S
             stray = self._port.read(_MOST_BYTES)
         except OSError as error:
-            raise self._dead_port("*IDN?", error) from error
+            raise self._port_failed("*IDN?", error) from error
         self._discarded += len(stray)
         return stray
 
 
 def as_text(reply: str) -> str:
-    """Accept printable text."""
+    """Accept printable text unchanged."""
     if not reply or not reply.isascii() or not reply.isprintable() or "\\x" in reply:
         raise ValueError("printable text")
     return reply
 
 
 def as_identification(reply: str, most: int = _FIELDS) -> tuple[str, str, str, str]:
-    """Accept the fields of `*IDN?`: manufacturer, model, serial number, firmware; fields beyond belong to the last."""
+    """Parse the fields of `*IDN?`: manufacturer, model, serial number, firmware; extra fields belong to the last."""
     fields = [field.strip() for field in as_text(reply).split(",")]
     if not _FIELDS <= len(fields) <= most or not fields[0] or not fields[1] or ";" in reply:
         raise ValueError("manufacturer, model, serial number and firmware")
@@ -359,7 +359,7 @@ def as_identification(reply: str, most: int = _FIELDS) -> tuple[str, str, str, s
 
 
 def as_number(reply: str) -> float:
-    """Accept a decimal number; SCPI's infinities and its not-a-number are NaN."""
+    """Parse a decimal number; SCPI's infinities and not-a-number become NaN."""
     if not _NUMBER.fullmatch(reply):
         raise ValueError("a number")
     value = float(reply)
@@ -367,7 +367,7 @@ def as_number(reply: str) -> float:
 
 
 def as_quantity(unit: str) -> Callable[[str], float]:
-    """Return what accepts a decimal number with its unit or without: `4.200V`; any other unit is refused."""
+    """Return the parser of a decimal number with or without this unit, as in `4.200V`; any other unit is refused."""
 
     def parse(reply: str) -> float:
         return as_number(reply.removesuffix(unit).rstrip())
@@ -376,14 +376,14 @@ def as_quantity(unit: str) -> Callable[[str], float]:
 
 
 def as_register(reply: str) -> int:
-    """Accept the bits of a status register as a whole number that is not negative."""
+    """Parse a status register as a non-negative integer."""
     if not _REGISTER.fullmatch(reply):
         raise ValueError("a whole number")
     return int(reply)
 
 
 def as_switch(reply: str) -> bool:
-    """Accept ON or 1, OFF or 0."""
+    """Parse a switch: ON or 1, OFF or 0."""
     state = _SWITCH.get(reply.upper())
     if state is None:
         raise ValueError("ON, OFF, 1 or 0")

@@ -1,4 +1,4 @@
-"""The supply role over SCPI, by a dialect: the table of one family's commands."""
+"""Role `supply` over SCPI, by a dialect: the table of one family's commands."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ __all__ = ["ScpiOutput", "ScpiSupply"]
 class ScpiOutput(ScpiTerminals):
     """One output of a power supply; fills the role `supply`.
 
-    Switching on asks the clamps too: what the instrument has been set to
-    before, from its front panel or by an earlier run, must be permitted as well. Over-voltage
-    protection that has tripped stays tripped: clearing it is a person's decision at the instrument.
+    Switching on checks the present settings, possibly made at the front panel or
+    by an earlier run, against the clamps too. A tripped over-voltage protection stays
+    tripped: clearing it is a person's decision at the instrument.
 
     Args:
         name, device, session, clamps, channel: see `ScpiTerminals`.
         dialect: its commands.
-        levels: of the protections; what is None, or empty, is left alone.
+        levels: protection levels; one that is None or empty is left unchanged.
     """
 
     fills: ClassVar[Role] = SUPPLY
@@ -58,12 +58,12 @@ class ScpiOutput(ScpiTerminals):
 
     @drives
     def configure(self, voltage: float, current: float) -> None:
-        """Set the protections, current limit [A] and voltage [V], in this order.
+        """Set the protections, the current limit [A] and the voltage [V], in this order.
 
         Raises:
-            Refused: the model cannot do it; nothing was sent.
-            ClampExceeded: one of them is not permitted; nothing was sent.
-            Rejected: the instrument refused one, or reads back another.
+            Refused: beyond the model's rating; nothing was sent.
+            ClampExceeded: a value exceeds a clamp; nothing was sent.
+            Rejected: the instrument refused a setting, or reads back differently.
         """
         voltage, current = self._sendable("voltage", voltage), self._sendable("current", current)
         self._must_be_rated(voltage, current)
@@ -80,7 +80,7 @@ class ScpiOutput(ScpiTerminals):
 
     @drives
     def enable(self) -> None:
-        """Switch the output on, if what it is set to is permitted and no protection has tripped."""
+        """Switch the output on, if the clamps permit its settings and no protection has tripped."""
         self._must_not_have_tripped()
         self._clamps.permit(self._channel, "voltage", self._number("voltage", self._dialect.get_voltage))
         self._clamps.permit(self._channel, "current", self._number("current", self._dialect.get_current))
@@ -91,12 +91,12 @@ class ScpiOutput(ScpiTerminals):
 
     @reads
     def voltage(self) -> Figure:
-        """Return the measured voltage in V; its uncertainty is the certificate's, not the driver's."""
+        """Return the measured voltage in V; its uncertainty comes from the certificate, not from the driver."""
         return Figure(value=self._number("voltage", self._dialect.measure_voltage), unit="V")
 
     @reads
     def current(self) -> Figure:
-        """Return the measured current in A; its uncertainty is the certificate's, not the driver's."""
+        """Return the measured current in A; its uncertainty comes from the certificate, not from the driver."""
         return Figure(value=self._number("current", self._dialect.measure_current), unit="A")
 
     @reads
@@ -108,12 +108,12 @@ class ScpiOutput(ScpiTerminals):
         return self._session.query(self._filled(dialect.mode), lambda reply: dialect.as_mode(reply, self._channel))
 
     def safe_bytes(self, state: str, proof: Proof | None = None) -> SafeBytes:
-        """Return the bytes of off; see `hil.instruments.roles.SafeByBytes`. Voltage and current can be asked for."""
+        """Return the bytes of off; see `hil.instruments.roles.SafeByBytes`. Voltage and current can be queried."""
         questions = {"voltage": self._dialect.measure_voltage, "current": self._dialect.measure_current}
         return self._safe_bytes(state, proof, questions)
 
     def _must_be_rated(self, voltage: float, current: float) -> None:
-        """Refuse what the model that was identified does not have or cannot give."""
+        """Refuse a channel that the identified model lacks, or a setting beyond its rating."""
         model = self._session.model
         ratings = self._dialect.ratings.get(model)
         if ratings is None:
@@ -157,10 +157,10 @@ class ScpiOutput(ScpiTerminals):
 
 
 class ScpiSupply(ScpiInstrument):
-    """A driver for power supplies of one dialect: role `supply` on each of its channels.
+    """Base driver for power supplies of one dialect: role `supply` on each channel.
 
-    A wire may set `over_voltage` (volts), the level of the over-voltage protection, and where the dialect has one
-    `over_current` (amperes); protections that have a switch are then switched on.
+    A wire may set `over_voltage` (V), the level of the over-voltage protection, and `over_current` (A) where the
+    dialect has one; protections with a switch are then switched on.
     """
 
     roles: ClassVar[frozenset[str]] = frozenset({"supply"})
@@ -168,18 +168,18 @@ class ScpiSupply(ScpiInstrument):
     dialect: ClassVar[Dialect]
 
     def __init_subclass__(cls) -> None:
-        """Talk as the dialect has it."""
+        """Adopt the dialect's SCPI conventions."""
         cls.speech = cls.dialect
 
     def outlets(self) -> Sequence[Outlet]:
-        """Ask every channel that the model has whether it is on."""
+        """Query whether each of the model's channels is on."""
         dialect, session = self.dialect, self._session
         if dialect.differs and not session.model:
             session.identification()
         return tuple(Outlet(channel, self._on(channel)) for channel in dialect.channels_of(session.model))
 
     def role(self, wire: Wire) -> ScpiOutput:
-        """Return the output that the wire names."""
+        """Return the output on the wire's channel."""
         dialect = self.dialect
         settings.fits(wire, dialect.driver, self.roles, dialect.channels)
         return ScpiOutput(

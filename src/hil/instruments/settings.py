@@ -1,4 +1,4 @@
-"""What a wire asks of a driver, read strictly into the model that the driver declares."""
+"""Wire settings, read strictly into the model that the driver declares."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ _Model = TypeVar("_Model")
 
 @dataclass(frozen=True, slots=True)
 class NoSettings:
-    """What the wire of a driver without settings may say."""
+    """Model for the wire of a driver without settings."""
 
 
 class WrongSettings(Refused):
-    """Settings that the driver does not know, or that cannot be.
+    """Unknown or invalid wire settings.
 
     Attributes:
-        problems: each with its path below the wire.
+        problems: the problems, each with its path below the wire.
     """
 
     def __init__(self, wire: Wire, problems: tuple[Problem, ...]) -> None:
@@ -34,13 +34,13 @@ class WrongSettings(Refused):
 
 
 def fits(wire: Wire, driver: str, roles: Collection[str], channels: Sequence[int] = ()) -> None:
-    """Refuse a role that the driver does not fill, and a channel that its instrument does not have.
+    """Refuse a role that the driver does not fill, or a channel that its instrument does not have.
 
     Args:
-        wire: what the bench file asks for.
+        wire: the bench file's wire.
         driver: the driver's name in bench files.
         roles: the roles that it fills.
-        channels: the numbers of its instrument's channels; none where it has no channels.
+        channels: channel numbers of its instrument; empty where it has no channels.
     """
     if wire.role not in roles:
         raise Refused(
@@ -62,14 +62,14 @@ def fits(wire: Wire, driver: str, roles: Collection[str], channels: Sequence[int
 
 
 def read(wire: Wire, model: type[_Model]) -> _Model:
-    """Return the settings of a wire as a driver declares them; see `hil.model.notation`.
+    """Parse the settings of a wire into a driver's model; see `hil.model.notation`.
 
     Args:
-        wire: what the bench file asks for.
-        model: a frozen dataclass; every field has a default.
+        wire: the bench file's wire.
+        model: a frozen dataclass in which every field has a default.
 
     Raises:
-        WrongSettings: with everything that is wrong.
+        WrongSettings: with every problem found.
     """
     try:
         return validated(model, wire.settings, f"wiring {wire.name}", ("settings",))
@@ -78,7 +78,7 @@ def read(wire: Wire, model: type[_Model]) -> _Model:
 
 
 def _told(wire: Wire, model: type, problem: Problem) -> Problem:
-    """Name wire and driver where a key is unknown: another driver may know it."""
+    """Add wire and driver to the problem of an unknown key: another driver may know it."""
     if not problem.of_key:
         return problem
     known = ", ".join(each.metadata.get("alias", each.name) for each in fields(model)) or "no settings"
@@ -86,6 +86,6 @@ def _told(wire: Wire, model: type, problem: Problem) -> Problem:
 
 
 def wrong(wire: Wire, key: str, message: str) -> WrongSettings:
-    """Return what is wrong with a setting that only its driver can see, such as `must be below the rate`."""
+    """Return the error for a setting that only its driver can judge, such as `must be below the rate`."""
     text = f"wiring {wire.name}: '{key}' {message}, found \"{wire.settings.get(key, '')}\""
     return WrongSettings(wire, (Problem(path=("settings", key), message=text),))

@@ -1,10 +1,10 @@
-"""Siglent SPD3303X and SPD3303X-E power supplies, their two outputs that can be set.
+"""Siglent SPD3303X and SPD3303X-E power supplies, two programmable outputs.
 
-Commands: SPD3303X Quick Start, chapter 3. Nobody asks an output whether it is on: `SYST:STAT?` gives the state of the
-instrument in hexadecimal, with bits 0 and 1 for constant current, 2 and 3 for how the outputs are coupled, 4 and 5 for
-on. Outputs in series or parallel give more than either was set to, so an output that is on in such a mode is not
-believed. No command reaches an over-voltage protection: the driver does not claim `over-voltage-level`. Firmware adds
-a fifth field to the identification.
+Commands: SPD3303X Quick Start, chapter 3. There is no query for an output's state: `SYST:STAT?` returns the state of
+the instrument in hexadecimal, with bits 0 and 1 for constant current, 2 and 3 for the coupling of the outputs, 4 and 5
+for on. Outputs in series or parallel deliver more than either setting, so an `on` in such a mode is refused.
+No command reaches an over-voltage protection, so the driver does not claim `over-voltage-level`. Firmware adds a fifth
+field to the identification.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Roles of instruments that see or make signals: data acquisition, oscilloscope, function generator."""
+"""Roles of instruments that acquire or generate signals: data acquisition, oscilloscope, function generator."""
 
 from __future__ import annotations
 
@@ -21,22 +21,22 @@ __all__ = [
 
 
 class DataAcquisition(Streamed, Protocol):
-    """Several inputs, analogue and digital, that one instrument reads one after the other.
+    """Several inputs, analogue and digital, scanned one after the other by one instrument.
 
-    They have the names and units that the wiring gives them; a digital input is a byte, unit 1. A row of a recording
-    has the time of its first input, and a channel `NAME_after` for each other one: how much later that was read, in s.
+    The wiring defines their names and units; a digital input is a byte, unit 1. A row of a recording has the time of
+    its first input, and for every other one a channel `NAME_after`: its delay in s.
     """
 
     @reads
     def read(self, channel: str) -> Figure:
-        """Read one input in its unit; not observable where it is open or beyond its range."""
+        """Read one input in its unit; not observable where it is open or on overload."""
         ...
 
 
 class Oscilloscope(Captured, Protocol):
-    """An oscilloscope or digitiser; its channels have the names and units that the wiring gives them.
+    """An oscilloscope or digitiser; the wiring defines the names and units of its channels.
 
-    A case sets it up and arms it, makes happen what it is to see, and reads it with `record.capture`.
+    A case configures and arms it, provokes the event, and reads the capture with `record.capture`.
     """
 
     @drives
@@ -47,22 +47,22 @@ class Oscilloscope(Captured, Protocol):
         offset: Annotated[float, "V or A"] = 0.0,
         coupling: str = "DC",
     ) -> None:
-        """Set how much of the channel's unit a division is, what is at the screen's middle, and `DC`, `AC` or `GND`."""
+        """Set the scale per division, the value at mid-screen, and the coupling `DC`, `AC` or `GND`."""
         ...
 
     @drives
     def window(self, before: Annotated[float, "s"], after: Annotated[float, "s"], points: int = 6000) -> None:
-        """Set how long before and after the trigger is captured [s], and how many points that are at least."""
+        """Set the time captured before and after the trigger [s], and the minimum number of points."""
         ...
 
     @drives
     def trigger(self, source: str, level: Annotated[float, "V or A"], slope: str = "rising") -> None:
-        """Set what triggers: a channel, its level [V or A], and the slope, `rising` or `falling`."""
+        """Set the trigger: source channel, level [V or A], and slope, `rising` or `falling`."""
         ...
 
     @begins
     def arm(self) -> None:
-        """Wait for one trigger from now on; returns once the time before the trigger is captured."""
+        """Arm for a single trigger; return once the pre-trigger time is captured."""
         ...
 
     @drives
@@ -77,7 +77,7 @@ class Oscilloscope(Captured, Protocol):
 
 
 class FunctionGenerator(Switched, Protocol):
-    """One output of a function generator, into a high impedance."""
+    """One output of a function generator, for a high-impedance load."""
 
     @drives
     def configure(
@@ -92,7 +92,7 @@ class FunctionGenerator(Switched, Protocol):
 
     @reads
     def peak(self) -> Annotated[Figure, "V"]:
-        """Return the largest voltage away from zero that its settings give [V], whether or not it is on."""
+        """Return the peak voltage of its settings [V], as a magnitude, whether or not it is on."""
         ...
 
 

@@ -1,4 +1,4 @@
-"""TI TMP117 temperature sensor on an I2C bus (data sheet SNOSD82). Its registers have 16 bits, the high byte first."""
+"""TI TMP117 temperature sensor on an I2C bus (data sheet SNOSD82), with 16-bit registers, high byte first."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ __all__ = ["Tmp117", "Tmp117Settings", "Tmp117Thermometer"]
 _TEMP_RESULT, _CONFIGURATION, _DEVICE_ID = 0x00, 0x01, 0x0F
 _CONTINUOUS, _SHUTDOWN = 0b00 << 10, 0b01 << 10
 _DATA_READY, _SETTINGS = 1 << 13, 0x0FFC
-# Averaged conversions: the bits AVG, and the seconds that they take, which is the cycle where CONV is 0.
+# Averaged conversions: the AVG bits, and the duration in s, which is the cycle time where CONV is 0.
 _AVERAGES = {1.0: (0b00 << 5, 0.0155), 8.0: (0b01 << 5, 0.125), 32.0: (0b10 << 5, 0.5), 64.0: (0b11 << 5, 1.0)}
-_RAILS = (-32768, 32767)  # the first of them stands there until a conversion has ended
+_RAILS = (-32768, 32767)  # the lower one is the register content until the first conversion ends
 _LOWEST, _HIGHEST = -55.0, 150.0
 _MARGIN_S = 0.1
 _POLLS = 8
@@ -32,13 +32,13 @@ _HINT = "look at the sensor's power; after a power cut it has to be started agai
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tmp117Settings:
-    """What a wire may set: conversions that are averaged."""
+    """Wire settings: number of conversions averaged."""
 
     averages: Annotated[float, measured(choices=tuple(_AVERAGES))] = 8.0
 
 
 class Tmp117Thermometer(Sensor):
-    """One sensor; fills the role `thermometer`. A sample is one that was not read yet."""
+    """One sensor; fills the role `thermometer`. Each sample is a new one."""
 
     chip: ClassVar[Chip] = Chip(
         model="TMP117",
@@ -75,7 +75,7 @@ class Tmp117Thermometer(Sensor):
         return (celsius if _LOWEST <= celsius <= _HIGHEST else math.nan,)
 
     def _put(self, configuration: int) -> None:
-        """Set the configuration and read it back, without its flags."""
+        """Write the configuration and read it back, ignoring its flags."""
         self._registers.write(_CONFIGURATION, configuration)
         found = self._registers.read(_CONFIGURATION) & _SETTINGS
         if found != configuration:
@@ -85,7 +85,7 @@ class Tmp117Thermometer(Sensor):
     def _await_sample(self) -> None:
         longest = 2.0 * self._cycle + _MARGIN_S
         fault = (f"no new sample within {longest:.3g} s", _HINT)
-        # Reading the configuration takes the flag away, so it is looked at once for each sample.
+        # Reading the configuration clears the flag, so it is read once per sample.
         self._wait_for(self._is_ready, longest, self._cycle / _POLLS, fault)
 
     def _is_ready(self) -> bool:

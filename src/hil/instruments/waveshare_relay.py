@@ -1,12 +1,12 @@
-"""Waveshare Modbus RTU Relay, the board with eight relays.
+"""Waveshare Modbus RTU Relay, the eight-relay board.
 
-Coils 0 to 7 are the relays that the board prints as 1 to 8 (development protocol V2, which is
+Coils 0 to 7 are the relays labelled 1 to 8 on the board (development protocol V2, which is
 standard Modbus): function 05 switches one, 0F several, 01 reads them. The vendor's toggle (function
-05 with 5500) is never sent: what it does depends on what was before. What is read back is the
-board's own idea of its relays; a welded contact shows only in what it switches.
+05 with 5500) is never sent, because its effect depends on the previous state. The read-back is the
+commanded state of the relays; a welded contact shows only in the circuit that it switches.
 
-The board's timed command (function 05, address 0200h and the relay, value in tenths of a second) makes it a keeper of
-its own: a relay that is closed with it opens by itself, unless the command comes again.
+The board's timed command (function 05, address 0200h plus the relay, value in tenths of a second) serves as a watchdog:
+a relay closed with it opens by itself unless the command is repeated.
 """
 
 from __future__ import annotations
@@ -40,15 +40,15 @@ _TIMED = 0x0200
 _LONGEST_BEAT_S = 3276.7
 _SHORTEST_BEAT_S = 1.0
 _QUIET_S = 0.02
-"""The board answers after 2 ms with 6 bytes, which take 6 ms at its 9600 baud."""
+"""Quiet gap in s: the board answers after 2 ms with 6 bytes, which take 6 ms at 9600 baud."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settings:
-    """What a wire may say.
+    """Wire settings.
 
     Attributes:
-        beat_s: after how long without a heartbeat the board opens the wire's contacts by itself; 0 for never.
+        beat_s: heartbeat timeout [s] after which the board opens the wire's contacts by itself; 0 for never.
     """
 
     beat_s: Annotated[float, measured("s", minimum=_SHORTEST_BEAT_S, maximum=_LONGEST_BEAT_S)] = field(
@@ -59,15 +59,15 @@ class Settings:
 class WaveshareRelays:
     """Named contacts of one board; fills the role `relays`.
 
-    A setting is sent once and then read back; a lost or damaged acknowledgement is forgiven where the
-    board has done what it was told.
+    A setting is sent once and then read back; a lost or damaged acknowledgement is ignored if the
+    read-back is as commanded.
 
     Args:
         name: the wire's dotted name.
         device: the instrument's name, for messages.
         session: the board's session.
-        contacts: name of a contact to its number on the board, 1 to 8.
-        beat_s: after how long without a heartbeat the board opens them, 0 for never.
+        contacts: relay number on the board, 1 to 8, by contact name.
+        beat_s: heartbeat timeout [s] after which the board opens them, 0 for never.
     """
 
     def __init__(
@@ -99,7 +99,7 @@ class WaveshareRelays:
 
     @drives
     def release_all(self) -> None:
-        """Release every relay of the board, also those of other wires."""
+        """Release every relay of the board, including those of other wires."""
         self._held.clear()
         wanted = dict.fromkeys(range(_RELAYS), False)
         self._prove(lambda: self._session.write_coils(0, [False] * _RELAYS), wanted)
@@ -112,11 +112,11 @@ class WaveshareRelays:
 
     @property
     def watchdog_s(self) -> float:
-        """After how long without a heartbeat the board opens the contacts; see `hil.instruments.roles.Watched`."""
+        """Heartbeat timeout in s after which the board opens the contacts; see `hil.instruments.roles.Watched`."""
         return self._beat_s
 
     def beat(self) -> None:
-        """Keep closed what is closed, unless the board has opened it; see `hil.instruments.roles.Beaten`."""
+        """Keep closed contacts closed, unless the board has opened them; see `hil.instruments.roles.Beaten`."""
         if not self._held:
             return
         states = self._session.read_coils(0, _RELAYS)
@@ -134,7 +134,7 @@ class WaveshareRelays:
     def safe_bytes(self, state: str, proof: Proof | None = None) -> SafeBytes:  # noqa: ARG002 - it measures nothing
         """Return the bytes that release every relay of the board; see `hil.instruments.roles.SafeByBytes`.
 
-        The proof is the board's own idea of its relays: no byte of it shows a contact that is welded.
+        The proof is the board's own relay state, which does not reveal a welded contact.
         """
         must_be_state(RELAYS, self._name, state)
         unit, within_s, released = self._session.unit, self._session.timeout, [False] * _RELAYS
@@ -150,12 +150,12 @@ class WaveshareRelays:
         self._session.write_timed_coil(_TIMED + coil, round(self._beat_s * 10))
 
     def _prove(self, write: Callable[[], None], wanted: Mapping[int, bool]) -> None:
-        """Write once and read back its outcome, with silence after that, so that no stale frame was read.
+        """Write once and read back, followed by silence as proof that no stale frame was read.
 
         Raises:
-            NoReply: nothing came, or a reply was lost and the relays are not as wanted.
-            Garbled: the same with nonsense, or something came that nobody had asked for.
-            Rejected: the board refused, or says that its relays are otherwise.
+            NoReply: no reply, or a reply was lost and the relays are not as wanted.
+            Garbled: the same for a malformed reply, or unsolicited bytes came.
+            Rejected: the board refused, or reports other relay states.
         """
         stray = self._stray()
         fault: DeviceFault | None = None
@@ -178,7 +178,7 @@ class WaveshareRelays:
             )
 
     def _stray(self) -> DeviceFault | None:
-        """Return what is wrong before a write; it leaves all the same, because it may be a release."""
+        """Return the fault found before a write, which is sent all the same, because it may be a release."""
         try:
             self._session.must_be_quiet()
         except DeviceFault as fault:
@@ -196,7 +196,7 @@ class WaveshareRelays:
 class WaveshareRelay:
     """Driver `waveshare-relay`: role `relays`; every contact of the wire is a number from 1 to 8, see `Settings`.
 
-    The instrument's `address` is the board's unit address; 0 stands for the factory's 1.
+    The instrument's `address` is the board's unit address; 0 stands for the factory setting, 1.
     """
 
     roles: ClassVar[frozenset[str]] = frozenset({"relays"})
@@ -212,10 +212,10 @@ class WaveshareRelay:
         )
 
     def identify(self) -> Identity:
-        """Read the version register, the only thing the board says of itself.
+        """Read the version register, the only identification that the board offers.
 
-        The register (8000h, version times 100) is the vendor's own. A board that answers there and
-        has eight coils is taken for this model; one that rejects it gets an identity without model.
+        The register (8000h, version times 100) is vendor-specific. A board that answers there and
+        has eight coils is taken to be this model; one that rejects it gets an identity without model.
         Manufacturer and serial number cannot be read.
         """
         try:
@@ -230,11 +230,11 @@ class WaveshareRelay:
         return Identity(model="Modbus RTU Relay", firmware=f"{version // 100}.{version % 100:02d}")
 
     def outlets(self) -> Sequence[Outlet]:
-        """Read every relay; the channel is its number on the board."""
+        """Read every relay; its channel is its number on the board."""
         return tuple(Outlet(coil + 1, on) for coil, on in enumerate(self._session.read_coils(0, _RELAYS)))
 
     def role(self, wire: Wire) -> Relays:
-        """Return the contacts that the wire names."""
+        """Return the wire's contacts."""
         if wire.role not in self.roles:
             raise Refused(
                 f"wiring {wire.name}: a waveshare-relay does not fill the role {wire.role}", "it fills the role relays"

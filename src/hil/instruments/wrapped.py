@@ -1,7 +1,7 @@
-"""Instruments that only a vendor's driver can reach: what wraps it fills a role, operation by operation.
+"""Instruments reachable only through a vendor's driver: a wrapper fills the role, operation by operation.
 
-The vendor's code runs in a process of its own (`hil.guardian.ports.hosted`). What goes there and comes back is recorded
-in the place of bytes: calls and results, a line of JSON each. Nobody has seen the instrument's own bytes.
+The vendor's code runs in a separate process (`hil.guardian.ports.hosted`). The calls and results exchanged with it, one
+line of JSON each, are recorded in place of bytes. The instrument's own bytes are never visible.
 """
 
 from __future__ import annotations
@@ -33,16 +33,16 @@ _SAME = 1e-3
 
 
 class Wrapped:
-    """A driver whose instrument only a vendor's driver can reach.
+    """Base driver of an instrument reachable only through a vendor's driver.
 
-    Subclass it, and let an entry point of `hil.drivers` name the class.
+    Subclass it, and register the class as an entry point of `hil.drivers`.
 
     Attributes:
         roles: the roles that the instrument fills.
-        made_by: `module:name` of what makes the object that wraps the vendor's driver; it is called with the port as
-            the bench file has it, less `visa:` or `vendor:`, in a process of its own.
-        channels: the numbers of the instrument's channels; none where it has no channels.
-        quantities: those of the role that it reads; all of them where empty.
+        made_by: `module:name` of the factory of the object that wraps the vendor's driver; it is called in a separate
+            process with the bench file's port, less `visa:` or `vendor:`.
+        channels: channel numbers of the instrument; empty where it has no channels.
+        quantities: the role's quantities that it can read; all of them if empty.
     """
 
     roles: ClassVar[frozenset[str]]
@@ -55,7 +55,7 @@ class Wrapped:
         self._calls = 0
 
     def identify(self) -> Identity:
-        """Ask for `identity`: manufacturer, model, serial and firmware, as far as the vendor's driver knows them."""
+        """Call `identity`: manufacturer, model, serial and firmware, as far as the vendor's driver knows them."""
         told = self.call("identity")
         try:
             return Identity(**{str(key): str(value) for key, value in told.items()})
@@ -63,13 +63,13 @@ class Wrapped:
             raise self._nonsense("identity", told) from error
 
     def outlets(self) -> Sequence[Outlet]:
-        """Ask every channel for `enabled`, where the role has that."""
+        """Call `enabled` for every channel, if the role has it."""
         if not any("enabled" in ROLES[role].operations for role in self.roles):
             return ()
         return tuple(Outlet(each, bool(self.call("enabled", channel=each))) for each in self.channels or (0,))
 
     def role(self, wire: Wire) -> WrappedOutput:
-        """Return what fills the role that `wire` names."""
+        """Return the object that fills the wire's role."""
         settings.fits(wire, type(self).__name__, self.roles, self.channels)
         settings.read(wire, settings.NoSettings)
         role = ROLES[wire.role]
@@ -78,12 +78,12 @@ class Wrapped:
         return WrappedOutput(self, self._connection, wire, role)
 
     def call(self, name: str, arguments: dict[str, Any] | None = None, *, channel: int = 0) -> Any:  # noqa: ANN401 - JSON
-        """Call an operation of the vendor's side and return its result; replies to earlier calls are passed over.
+        """Call an operation on the vendor's side and return its result; replies to earlier calls are skipped.
 
         Raises:
-            NoReply: it does not return in time, or the vendor's driver got no reply.
+            NoReply: the call does not return in time, or the vendor's driver got no reply.
             Rejected: the vendor's driver raised an error.
-            Garbled: the reply is no reply.
+            Garbled: the reply is malformed.
         """
         device, port = self._connection.device, self._connection.port
         if port is None:
@@ -124,17 +124,17 @@ class Wrapped:
 
 
 class WrappedOutput:
-    """What fills a role by a vendor's driver: every operation of the role is a call of the same name.
+    """A role filled through a vendor's driver: every operation is a call of the same name.
 
-    Where the role has clamps, a setting needs one, is held to it before it is sent, and is compared with `settings`
-    afterwards. What drives without an argument, such as `enable`, first asks what is set, which must be permitted. The
-    wrapped object says by `in_state(state)` whether it is in a safe state.
+    Where the role has clamps, a setting needs one, is checked against it before it is sent, and is compared with
+    `settings` afterwards. An operation without arguments, such as `enable`, first checks the present settings against
+    the clamps. The wrapped object's `in_state(state)` reports whether it is in a safe state.
 
     Args:
         driver: the driver.
         connection: its connection.
-        wire: the bench file's.
-        role: what it fills.
+        wire: the bench file's wire.
+        role: the role that it fills.
     """
 
     def __init__(self, driver: Wrapped, connection: Connection, wire: Wire, role: Role) -> None:
@@ -157,7 +157,7 @@ class WrappedOutput:
         return perform
 
     def channels(self) -> tuple[Channel, ...]:
-        """Return a channel for every quantity that is read."""
+        """Return a channel for every quantity read."""
         units = self._role.quantities
         return tuple(Channel(name, units[name]) for name in self._driver.quantities or units)
 
@@ -171,7 +171,7 @@ class WrappedOutput:
         bounds = {name: own_bounds(self._wire.name, proof, name) for name in self._role.quantities}
         measured = [replace(self._exchange(name, b":" + NUMBER), between=its) for name, its in bounds.items() if its]
         return SafeBytes(
-            resync=(Exchange(send=b"\n"),),  # ends half a line
+            resync=(Exchange(send=b"\n"),),  # terminates a partial line
             off=(self._exchange(self._role.states[state], b""),),
             proof=(self._exchange("in_state", b":true", {"state": state}), *measured),
             owed_s=0.0,  # every reply names its call
@@ -199,7 +199,7 @@ class WrappedOutput:
         return None
 
     def _settings(self) -> dict[str, float]:
-        """Return what is set, by quantity; what has to be clamped must be among it."""
+        """Return the present settings by quantity; every clamped quantity must be among them."""
         told = self._call("settings")
         missing = [name for name in self._role.clamped if not isinstance(told, dict) or name not in told]
         if missing:
@@ -253,7 +253,7 @@ def call_of(name: str, number: int | str, arguments: dict[str, Any] | None = Non
 
 
 def _why_not_wrapped(role: Role) -> str:
-    """Return why calls alone cannot fill a role, nothing if they can."""
+    """Return why calls alone cannot fill a role, empty if they can."""
     if role.part:
         return f"because each {role.part} is an output of its own"
     set_by = {name for operation in role.operations.values() if operation.drives for name in operation.arguments}
@@ -262,17 +262,17 @@ def _why_not_wrapped(role: Role) -> str:
 
 
 def is_wrapped(instrument: InstrumentSpec) -> bool:
-    """Return whether only a vendor's driver reaches an instrument."""
+    """Return whether an instrument is reachable only through a vendor's driver."""
     driver = DRIVERS.find(instrument.driver)
     return driver is not None and issubclass(driver, Wrapped)
 
 
 def hosted_port(instrument: InstrumentSpec, port: str) -> GuardedPort:
-    """Return how the process of an instrument's vendor's driver is started.
+    """Return how to start the process of an instrument's vendor driver.
 
     Args:
-        instrument: one that is wrapped.
-        port: where it is, as the bench file has it.
+        instrument: a wrapped instrument.
+        port: its port from the bench file.
     """
     driver = DRIVERS[instrument.driver]
     made_by = driver.made_by if issubclass(driver, Wrapped) else ""

@@ -1,4 +1,4 @@
-"""Level 1: bare lines without number, time or seal, dated by their arrival."""
+"""Level 1: bare lines without line number, timestamp or checksum, dated by their arrival."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ __all__ = ["Arrivals", "BareLines"]
 
 _TOLERANCE = 0.005  # of the device's resonator
 _SHORTEST_S, _LONGEST_S = LINE_S * (1 - _TOLERANCE), LINE_S * (1 + _TOLERANCE)
-_ON_THE_LINE_S = 0.05  # a line of 30 bytes takes 31 ms; part of it may have come before the look
+_ON_THE_LINE_S = 0.05  # a line of 30 bytes takes 31 ms; part of it may have come before the poll
 _CAPITAL = frozenset(b"ABCDEFGHIJKLMNOPQRSTUVWXYZ")
 _ITERATION = b"TEST ITERATION "
 _LEAST_SHARE = 0.0004
-"""Energy of one line in W.h from which on its rounding to 0.0001 does not hide how many lines it stands for."""
+"""Least energy per line in W.h at which rounding to 0.0001 cannot hide how many lines it stands for."""
 
 _CLEAR_A = 0.02
-"""A current beyond this shows the half-cycle: marks may be missing, and the procedure does not know them all."""
+"""A current beyond this identifies the half-cycle: marks may be missing, and not every mark is known."""
 
 
 class Arrivals:
-    """Bounds of the instants at which the newest line was sent, in s of the bench's clock.
+    """Bounds on the instant at which the newest line was sent, in s of bench time.
 
-    A line came between two looks at the port, and 5 s after the line before it by a clock that is right within 0.5 %.
-    Both bounds hold, so that the narrower ones count. Lines are missing where the two cannot agree otherwise.
+    A line arrives between two polls of the port, and 5 s after the line before it by a clock accurate to 0.5 %.
+    Both bounds hold, so the narrower ones count. Where they contradict each other, lines are missing.
 
     Attributes:
-        uncertainty: standard uncertainty of the newest instant, that of an even distribution between its bounds.
+        uncertainty: standard uncertainty of the newest instant, for a uniform distribution between its bounds.
     """
 
     def __init__(self) -> None:
@@ -40,17 +40,17 @@ class Arrivals:
         return None if self._low is None else (self._high - self._low) / math.sqrt(12)
 
     def begin(self, low: float, high: float) -> None:
-        """Count from the start of a test, which was between these instants."""
+        """Start counting at the start of a test, which lies between these instants."""
         self._low, self._high = low, high
 
     def place(self, since: float, until: float, later: int, lost: int) -> tuple[float, int]:
-        """Return when a line was sent, and how many before it cannot have come.
+        """Return when a line was sent, and how many lines before it are missing.
 
         Args:
-            since: when the port was looked at without finding it.
-            until: when it was found.
-            later: how many lines were found with it that were sent later.
-            lost: at least how many before it are missing, by its content.
+            since: last poll that did not find it.
+            until: the poll that found it.
+            later: number of later lines found by the same poll.
+            lost: least number of lines missing before it, by its content.
         """
         since, until = since - _ON_THE_LINE_S, until - later * _SHORTEST_S
         since = min(since, until)
@@ -66,12 +66,12 @@ class Arrivals:
 
 
 class BareLines(Told):
-    """What a device of level 1 has told.
+    """Everything a level 1 device has reported.
 
     Attributes:
-        waiting: whether it has started, and no byte was sent to it since.
-        sealed: whether lines of level 2 come: it is not a device of level 1.
-        uncertainty: largest standard uncertainty of the times of the rows in s, None before the first row.
+        waiting: whether it has started and has been sent no byte since.
+        sealed: whether level 2 lines arrive, so that it is not a level 1 device.
+        uncertainty: largest standard uncertainty of the row times in s, None before the first row.
         begun_s: bench time from which rows count.
     """
 
@@ -86,10 +86,10 @@ class BareLines(Told):
         self._arrivals = Arrivals()
         self._looked_s = now
         self._energy: float | None = None  # of the last line
-        self._torn = 0  # lines since then that said nothing
+        self._torn = 0  # unreadable lines since then
 
     def take(self, lines: list[bytes], now: float) -> None:
-        """Take whole lines without their ends, in their order; the port was looked at `now`."""
+        """Take complete lines, line ends stripped, in order; the port was polled at `now`."""
         later = sum(map(_is_data, lines))
         for line in lines:
             if _is_data(line):
@@ -99,11 +99,11 @@ class BareLines(Told):
                 self._mark(line, now)
 
     def looked(self, now: float) -> None:
-        """Note that nothing more was at hand."""
+        """Note that the port held nothing more."""
         self._looked_s = now
 
     def begin_test(self, low: float, high: float) -> None:
-        """Note that the one byte was sent, and between which instants."""
+        """Note that the start byte was sent between these instants."""
         self.waiting = False
         self.charging(1.0)
         self.reading, self.heard_s, self._energy = None, high, None
@@ -130,7 +130,7 @@ class BareLines(Told):
             self.rows += (at_s - self.begun_s, *numbers, self.phase, self.cycle)
 
     def _missing(self, numbers: Reading | None) -> int:
-        """Return how many lines are missing before one, by its energy: every line adds what it shows for 5 s."""
+        """Return how many lines are missing before this one, by its energy: each line adds 5 s of its power."""
         if numbers is None:
             self._torn += 1
             return 0
@@ -143,7 +143,7 @@ class BareLines(Told):
         return max(0, round((energy - last if energy >= last else energy) / share) - 1 - torn)
 
     def _judge_phase(self, current: float) -> None:
-        """Take the half-cycle from the current, where it is clear or nothing else shows it."""
+        """Infer the half-cycle from the current where that is unambiguous or nothing else shows it."""
         least = _CLEAR_A if self.running else 0.0
         if current >= least and self.state != "charge":
             self.charging(self.cycle + 1)
@@ -167,5 +167,5 @@ class BareLines(Told):
 
 
 def _is_data(line: bytes) -> bool:
-    """Return whether a line is a data line, or what is left of one: no mark begins like that."""
+    """Return whether a line is a data line or a remnant of one: no mark begins like that."""
     return bool(line) and line[0] not in _CAPITAL

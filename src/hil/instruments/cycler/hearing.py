@@ -1,7 +1,7 @@
-"""The line of a cycler: it is met, listened to, and reset.
+"""Serial line of a cycler: level detection, listening and reset.
 
-A level 1 device starts its test at any byte. So nothing is written before a line has shown the level, and to one of
-level 1 nothing but the one byte that starts it.
+A level 1 device starts its test on any byte. So nothing is written before a line has shown the level, and a level 1
+device is sent only the one byte that starts it.
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ from hil.wire.port import Port
 __all__ = ["BANNER_S", "FIRMWARE", "MOST_BYTES", "Hearing"]
 
 BANNER_S = 2.5
-"""The longest time from a reset to its banner; the bootloader takes 1.6 s."""
+"""Longest time from a reset to the banner; the bootloader takes 1.6 s."""
 
 _STATUS_S = 5.5
-_PIECE_S = 2.0  # the port waits so long in several operations
-_LEAST_S = 1e-9  # a difference of times may be less by rounding, and no clock would get past it
+_PIECE_S = 2.0  # longer waits are split into several port operations
+_LEAST_S = 1e-9  # rounding can leave a smaller remainder that no clock would get past
 MOST_BYTES = 4096
-"""What the buffer of a line holds."""
+"""Capacity of the line's receive buffer in bytes."""
 
 _NEARLY_FULL = MOST_BYTES - 128
 
 FIRMWARE = "compare its firmware with the protocol's page"
-"""What to do where it speaks otherwise than the page."""
+"""Hint for a device that departs from the protocol's page."""
 
 
 class Hearing:
@@ -42,11 +42,11 @@ class Hearing:
         clock: the bench's clock.
 
     Attributes:
-        told: what its lines have told, None before the level is known.
-        banner: what it says of itself, None if it was not told.
-        starts: how often it was seen to start.
-        fault: why a test that ran, or a stream, is over: it has restarted.
-        in_step: whether what it has of the host's line ends with a whole one.
+        told: the state reported by its lines, None before the level is known.
+        banner: its identification, None if it sent none.
+        starts: number of starts observed.
+        fault: why a running test or stream is over: the device has restarted.
+        in_step: whether the device is known to hold no partial line of the host's.
     """
 
     def __init__(self, device: str, port: Port, clock: Clock) -> None:
@@ -62,10 +62,10 @@ class Hearing:
         self._resetting = False
 
     def meet(self) -> NumberedLines | BareLines:
-        """Return what it has reported; listen until a line shows the level, if none has yet.
+        """Return what the device has reported; if the level is still unknown, listen until a line shows it.
 
         Raises:
-            NoReply: none did.
+            NoReply: no line did.
         """
         if self.told is None:
             self.poll()
@@ -80,7 +80,7 @@ class Hearing:
         return self.told
 
     def reopened(self) -> None:
-        """Forget what the line has said; the next one to ask waits until it shows its level again."""
+        """Discard all that was received; the next request waits until the device shows its level again."""
         if self.told is not None:
             self.told.recording = False
         self.told = self.banner = self.fault = None
@@ -88,10 +88,10 @@ class Hearing:
         self.in_step, self._rest = False, b""
 
     def poll(self) -> float:
-        """Take what is at hand, without waiting; return the bench's time.
+        """Take what has arrived, without waiting; return the bench time.
 
         Raises:
-            Garbled: a sealed line means nothing.
+            Garbled: a line with a valid checksum has no meaning.
         """
         port = self._port
         if port.timeout:
@@ -100,14 +100,14 @@ class Hearing:
         now = self.clock.now()
         self._take(data, now)
         if len(data) >= _NEARLY_FULL and self.told is not None:
-            self.told.reading = None  # newer lines found no room: nobody knows how old the newest one is
+            self.told.reading = None  # the buffer overflowed: the age of the newest line is unknown
         return now
 
     def reset(self) -> None:
-        """Reset it by DTR, which opens both relays, and wait for the banner.
+        """Reset the device through DTR, which opens both relays, and wait for the banner.
 
         Raises:
-            NoReply: none came; it was not reset.
+            NoReply: no banner came; it was not reset.
         """
         with suppress(Garbled):
             self.poll()
@@ -130,21 +130,21 @@ class Hearing:
         self._port.write(data)
 
     def nonsense(self, words: str) -> Garbled:
-        """Return the fault of something sealed that means nothing."""
+        """Return the fault for a line whose checksum is valid but which has no meaning."""
         return Garbled(self.device, f"it sent '{words}', which means nothing", FIRMWARE)
 
     def went_back(self, told: NumberedLines, *, running: bool) -> None:
-        """Note that its clock or its counters went back: it has started, and the banner was lost.
+        """Note that its clock or its counters went back: it has restarted, and the banner was lost.
 
         Args:
-            told: what it has told.
-            running: whether a test ran before.
+            told: what it has reported.
+            running: whether a test was running before.
         """
         told.forget()
         self._has_started(told, None, running=running)
 
     def _has_started(self, told: NumberedLines | BareLines, banner: Banner | None, *, running: bool) -> None:
-        """Note that it has started: a test is over, and so are rows with the device's time, which begins again."""
+        """Note that it has started: this ends any test, and any rows in device time, which starts over."""
         self.starts += 1
         self.banner = banner
         self.in_step = False
@@ -159,7 +159,7 @@ class Hearing:
             )
 
     def listen(self, seconds: float, done: Callable[[], bool]) -> None:
-        """Take what comes until it is done, or the time is over."""
+        """Take what arrives until `done` holds or the time is up."""
         until = self.clock.now() + seconds
         while not done() and (left := until - self.clock.now()) >= _LEAST_S:
             self._port.timeout = min(left, _PIECE_S)
@@ -182,7 +182,7 @@ class Hearing:
             self.told.looked(now)
 
     def _look_at(self, told: NumberedLines | BareLines, now: float, *, running: bool) -> None:
-        """Handle what lines say in addition to readings."""
+        """Handle what lines report besides readings."""
         if told.started:
             self._has_started(told, told.started[-1], running=running)
             told.started.clear()
@@ -196,7 +196,7 @@ class Hearing:
             raise self.nonsense(nonsense.decode("ascii", "replace"))
 
     def _learn(self, lines: list[bytes], now: float) -> list[bytes]:
-        """Learn the level from the first line that shows it, and return the lines from there on."""
+        """Detect the level from the first line that shows it, and return the lines from there on."""
         for place, line in enumerate(lines):
             if opened(line) is not None:
                 self.told = NumberedLines(now)

@@ -1,4 +1,4 @@
-"""Lines of a cycler: their seal, and what a banner says."""
+"""Lines of a cycler: checksum, banner, fields and numbers."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import dataclass
 __all__ = ["BANNER", "LINE_S", "RUNNING", "Banner", "Reading", "Told", "fields_of", "opened", "plain_numbers", "seal"]
 
 BANNER = b"START ARDUINO"
-"""What a device sends first; level 2 adds fields."""
+"""Start of the line that a device sends after a reset; level 2 appends fields."""
 
 LINE_S = 5.0
 """Seconds of device time from one data line to the next."""
@@ -26,12 +26,12 @@ Reading = tuple[float, float, float, float]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Banner:
-    """What a device of level 2 says of itself.
+    """Identification of a level 2 device.
 
     Attributes:
-        level: of its protocol.
-        name: what it calls itself.
-        firmware: version of its firmware.
+        level: protocol level.
+        name: device name.
+        firmware: firmware version.
         serial: serial number.
         boots: boot counter.
         reset: reason of its last reset.
@@ -46,7 +46,7 @@ class Banner:
 
     @classmethod
     def of_mark(cls, body: bytes) -> Banner:
-        """Read the mark; ValueError where it is none."""
+        """Parse the banner line; ValueError where it is not one."""
         told = body.decode("ascii").split(";")
         if len(told) != _BANNER_FIELDS:
             raise ValueError(f"{len(told)} fields of a banner, {_BANNER_FIELDS} expected")
@@ -55,7 +55,7 @@ class Banner:
 
     @classmethod
     def of_reply(cls, told: Mapping[str, str]) -> Banner:
-        """Read the reply to ID; ValueError or KeyError where it is none."""
+        """Parse the reply to ID; ValueError or KeyError where it is not one."""
         return cls(
             level=told["level"],
             name=told["name"],
@@ -67,13 +67,13 @@ class Banner:
 
 
 def seal(text: str) -> bytes:
-    """Return a line of the host with its CRC-16/IBM-3740, which the standard library calls CRC-CCITT, and its end."""
+    """Return a host line with its CRC-16/IBM-3740 (CRC-CCITT in the standard library) and line end."""
     data = text.encode("ascii")
     return b"%b*%04X\n" % (data, crc_hqx(data, _INITIAL))
 
 
 def opened(line: bytes) -> bytes | None:
-    """Return what stands before the seal of a line of level 2, None if it has none or a wrong one."""
+    """Return a level 2 line without its checksum, None where that is missing or wrong."""
     body = line[:-5]
     if body and line[-5:-4] == b"*" and b"%04X" % crc_hqx(body, _INITIAL) == line[-4:]:
         return body
@@ -81,7 +81,7 @@ def opened(line: bytes) -> bytes | None:
 
 
 def fields_of(words: str) -> dict[str, str]:
-    """Return the fields `name=value` of a reply; ValueError where a word is none."""
+    """Return the `name=value` fields of a reply; ValueError where a word is not a field."""
     fields = {}
     for word in words.split():
         name, separator, value = word.partition("=")
@@ -92,10 +92,10 @@ def fields_of(words: str) -> dict[str, str]:
 
 
 def plain_numbers(line: bytes) -> tuple[float, float, float, float] | None:
-    """Return the four numbers of a data line of level 1, None if something else stands there.
+    """Return the four numbers of a level 1 data line, None if it is not one.
 
-    Every field is digits with one point among them, and may begin with `-`; how many come after the point is left
-    open. A line that a loss has shortened can still look like one.
+    Every field is digits with one decimal point, and may begin with `-`; the number of decimals is left open. A line
+    that lost bytes can still look like one.
     """
     fields = line.split(b";")
     if len(fields) != 4:
@@ -109,21 +109,21 @@ def plain_numbers(line: bytes) -> tuple[float, float, float, float] | None:
 
 
 class Told:
-    """The present state, the newest reading, and the rows that nobody has taken yet.
+    """What a device has reported: its present state, the newest reading, and the rows not yet fetched.
 
     Attributes:
         state: in the role's words.
         phase: 1 in a charge, -1 in a discharge, 0 in neither.
         cycle: counted from 1, 0 before the first.
-        reading: the newest numbers, None if they say nothing of now any more.
+        reading: the newest numbers, None once they are out of date.
         read_s: bench time at which they were read.
-        heard_s: bench time of the newest line that was whole.
+        heard_s: bench time of the newest intact line.
         recording: whether rows are kept.
-        rows: numbers of the rows one after the other: time, reading, phase, cycle.
-        frames: lines that came while rows are kept.
-        lost: lines that did not come, or came damaged, while rows are kept.
-        damaged: lines that were damaged, ever.
-        started: the banners that came and were not read; None is that of level 1.
+        rows: the rows in one flat list: time, reading, phase, cycle.
+        frames: lines received while rows are kept.
+        lost: lines missing or damaged while rows are kept.
+        damaged: total number of damaged lines.
+        started: banners not handled yet; None for a level 1 banner.
     """
 
     def __init__(self, now: float) -> None:
@@ -142,30 +142,30 @@ class Told:
 
     @property
     def running(self) -> bool:
-        """Whether a test runs."""
+        """Whether a test is running."""
         return self.state in RUNNING
 
     def charging(self, cycle: float) -> None:
-        """Note that a cycle began."""
+        """Note the start of a cycle."""
         self.state, self.phase, self.cycle = "charge", 1.0, cycle
 
     def over(self, state: str) -> None:
-        """Note that no test runs: what was measured in it says nothing of now."""
+        """Note that no test is running, which makes the last reading out of date."""
         self.state, self.phase, self.reading = state, 0.0, None
 
     def restart(self, banner: Banner | None) -> None:
-        """Note that the device has started: no test runs."""
+        """Note that the device has started, so that no test is running."""
         self.over("idle")
         self.cycle = 0.0
         self.started.append(banner)
 
     def take_rows(self) -> list[float]:
-        """Return the rows that have come, once."""
+        """Return the rows received since the last call."""
         rows, self.rows = self.rows, []
         return rows
 
     def record(self) -> None:
-        """Keep rows from now on, and count again."""
+        """Keep rows from now on, with the counters reset."""
         self.rows = []
         self.frames = self.lost = 0
         self.recording = True

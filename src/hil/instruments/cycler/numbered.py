@@ -1,4 +1,4 @@
-"""Level 2: sealed lines, numbered and timed by the device."""
+"""Level 2: lines with a checksum, numbered and timestamped by the device."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ _WRAP = 1 << 32
 _HALF = _WRAP >> 1
 _MS = 0.001
 _MOST_DRIFT = 1.01 * _MS
-"""Seconds that pass at most while the device counts a millisecond: its clock is a ceramic resonator."""
+"""Longest duration in s of a device millisecond: its clock is a ceramic resonator."""
 _PHASES = {b"C": ("charge", 1.0), b"D": ("discharge", -1.0), b"R": ("rest", 0.0)}
 _OVER = {b"IDLE": "idle", b"ENDED": "ended", b"STOPPED": "stopped", b"TEST END": "ended", b"TEST STOPPED": "stopped"}
 _FEW = 16
-_SEALED_CODE = 6  # a letter, and the seal
+_SEALED_CODE = 6  # a letter and the checksum
 _ITERATION, _TRIPPED, _STATE_TRIPPED = b"TEST ITERATION ", b"TEST TRIPPED ", b"TRIPPED "
 
 
 class NumberedLines(Told):
-    """What a device of level 2 has told.
+    """Everything a level 2 device has reported.
 
     Attributes:
-        replies: what stood before the seal of replies that nobody has looked at.
-        unsure: whether a line was lost that may have reported the state.
-        went_back: whether number or time went back, though no banner came.
-        nonsense: a line whose seal is right, and that means nothing.
-        rests: whether rests were set, so that one follows a half-cycle.
+        replies: replies not handled yet, checksums removed.
+        unsure: whether a lost line may have reported the state.
+        went_back: whether line number or time went back without a banner.
+        nonsense: a line whose checksum is valid but which has no meaning.
+        rests: whether rests are configured, so that one follows a half-cycle.
         zero_ms: device time from which rows count.
         number: of the newest numbered line, None before the first.
     """
@@ -47,10 +47,10 @@ class NumberedLines(Told):
         self.zero_ms = 0.0
         self.number: int | None = None
         self._ms = 0
-        self._wrapped_ms = 0  # what the wraps of the counter add
+        self._wrapped_ms = 0  # added for wraps of the counter
 
     def take(self, lines: list[bytes], now: float) -> None:
-        """Take whole lines without their ends, in their order; the bench's time is `now`."""
+        """Take complete lines, line ends stripped, in order, at bench time `now`."""
         last_ms, last_s = self._ms + self._wrapped_ms, self.heard_s
         done = 0
         while done < len(lines):
@@ -63,7 +63,7 @@ class NumberedLines(Told):
             self._date(last_s + passed_ms * _MOST_DRIFT, now)
 
     def _take_one(self, line: bytes, now: float) -> None:
-        """Take a line, whatever it is."""
+        """Take one line of any kind."""
         body = line[:-5]
         if not body or line[-5:-4] != b"*" or b"%04X" % crc_hqx(body, 0xFFFF) != line[-4:]:
             self.damaged += bool(line)
@@ -80,7 +80,7 @@ class NumberedLines(Told):
             self.nonsense = line
 
     def _in_a_row(self, lines: list[bytes], now: float) -> int:
-        """Take the first lines as far as they are data that follow each other in one phase; return their number."""
+        """Take the leading run of consecutive data lines of one phase; return their number."""
         first, last_ms, taken = self.number, self._ms, 0
         if first is None or not self.recording:
             return 0
@@ -104,7 +104,7 @@ class NumberedLines(Told):
                 last_ms = at_ms
                 taken += 1
         except (ValueError, KeyError):
-            pass  # looked at line by line
+            pass  # handled line by line
         if taken:
             self.number = first + taken
             self._ms = last_ms
@@ -114,7 +114,7 @@ class NumberedLines(Told):
         return taken
 
     def device_ms(self, ms: int) -> int:
-        """Return device time in ms without wraps, from what a line shows; lines come in the order of their time."""
+        """Return unwrapped device time in ms for a line's timestamp; lines come in order of time."""
         if ms < self._ms:
             if self._ms - ms > _HALF:
                 self._wrapped_ms += _WRAP
@@ -124,9 +124,9 @@ class NumberedLines(Told):
         return ms + self._wrapped_ms
 
     def resume(self, number: int, ms: int, state: str, cycle: float) -> int:
-        """Continue from the reply to STATE: number of the last line, time, state, cycle; return the time without wraps.
+        """Continue from a STATE reply: last line number, time, state, cycle; return the unwrapped time in ms.
 
-        A reply that is older than the newest line says nothing new; one that is much older, that it has started.
+        A reply older than the newest line adds nothing; one that is much older means that the device has restarted.
         """
         back = 0 if self.number is None else self.number - number
         if back > 0:
@@ -143,14 +143,14 @@ class NumberedLines(Told):
         return self.device_ms(ms)
 
     def forget(self) -> None:
-        """Forget numbers and time, and what ran: it has started without a banner."""
+        """Discard line number, time and state: the device has started without a banner."""
         self.over("idle")
         self.cycle = 0.0
         self.unsure = self.went_back = False
         self.number, self._ms, self._wrapped_ms = None, 0, 0
 
     def _date(self, by_s: float, now: float) -> None:
-        """Note that the newest line came `by_s` at the latest, though it was read `now`: it may have waited long."""
+        """Note that the newest line came by `by_s`, though it was read at `now`: it may have waited in the buffer."""
         if by_s < now:
             self.heard_s = by_s
             if self.read_s == now:
@@ -187,7 +187,7 @@ class NumberedLines(Told):
             self.state, self.phase = "rest", 0.0
 
     def _is_over(self, state: str) -> None:
-        """Note a state in which no test runs; what STATE measured in it stays."""
+        """Note a state without a running test; a reading taken by STATE in it stays valid."""
         if self.state != state:
             self.over(state)
 
@@ -197,7 +197,7 @@ class NumberedLines(Told):
         self.unsure = self.went_back = False
 
     def _follow(self, number: int) -> None:
-        """Take the number of the next line, and count those between."""
+        """Take the next line's number, and count the lines missing before it."""
         if self.number is not None and number != self.number + 1:
             self._count_missing(number - self.number - 1)
         self.number = number

@@ -1,4 +1,4 @@
-"""How a test of a cycler is set, begun and stopped, in both levels."""
+"""Preparing, starting and stopping a cycler's test, and keeping it alive, at both protocol levels."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from hil.model.errors import DeviceFault, Garbled, NoReply, Refused, Rejected, W
 __all__ = ["SILENT_S", "Attendance", "Preparing"]
 
 SILENT_S = 12.0
-"""Two lines and a bit: then something is wrong."""
+"""Silence that counts as a fault: two line periods and a margin."""
 
-_SILENT_UNASKED_S = 22.0  # a level 1 device cannot be asked; three lines in a row may be lost
+_SILENT_UNASKED_S = 22.0  # a level 1 device cannot be queried; three lines in a row may be lost
 _AGAIN_S = 1.0
 _SHARE = 3
-_START = b"\n"  # the one byte for level 1; to a level 2 device it is an empty line, which is nothing
+_START = b"\n"  # the one byte for level 1; a level 2 device ignores it as an empty line
 _LEVEL_1 = {"rest": 0.0, "iend": 0.05, "vend": 2.7}
 _DIGITS = 4
 
 
 class Attendance:
-    """Takes what has come, and does what is due. Whatever the role is asked to do begins with it.
+    """Line servicing that every call of the role begins with: read what has arrived, send heartbeats.
 
-    A heartbeat is sent and not waited for: its reply is looked at by the next call, which sends it again if need be.
+    A heartbeat is sent without waiting: the next call checks its reply, and resends it if need be.
 
     Args:
         session: the session.
@@ -37,18 +37,18 @@ class Attendance:
         self._session = session
         self._run = ""
         self._every_s = 0.0
-        self._beaten_s = 0.0  # when the last heartbeat that was answered was sent
+        self._beaten_s = 0.0  # when the last acknowledged heartbeat was sent
         self._beating = False
         self._tag = 0
         self._first_s = 0.0
         self._sent_s = 0.0
 
     def begin(self, run: str, beat_s: float, sent_s: float) -> None:
-        """Keep a run alive whose START was sent at that time."""
+        """Begin to keep alive a run whose START was sent at `sent_s`."""
         self._run, self._every_s, self._beaten_s, self._beating = run, beat_s / _SHARE, sent_s, False
 
     def attend(self) -> None:
-        """Take what has come, send a heartbeat if one is due, and find out why nothing comes, if nothing does.
+        """Take what has arrived, send a heartbeat if one is due, and diagnose silence.
 
         Raises:
             DeviceFault: it is silent, talks nonsense, or tests another run.
@@ -78,7 +78,7 @@ class Attendance:
             self._beating, self._first_s, self._sent_s = True, now, now
 
     def _look_for_reply(self, told: NumberedLines, now: float) -> None:
-        if self._session.tag != self._tag:  # something else was asked in the meantime, and its answer took the place
+        if self._session.tag != self._tag:  # another command has been sent since, and its reply took the place
             self._beating = False
             return
         words = self._session.answer()
@@ -89,7 +89,7 @@ class Attendance:
             return
         self._beating = False
         if words.startswith("ERROR STATE"):
-            told.unsure = True  # its test is over, and the mark that told of it was lost
+            told.unsure = True  # its test is over, and the mark that reported it was lost
             return
         try:
             self._session.judged("BEAT", words)
@@ -100,26 +100,26 @@ class Attendance:
 
 
 class Preparing:
-    """Drives one device.
+    """Preparation, start and stop of one device's test.
 
     Args:
         session: the session.
         attendance: keeps a test alive.
-        wiring: what the wire says.
+        wiring: the wire's settings.
     """
 
     def __init__(self, session: CyclerSession, attendance: Attendance, wiring: Wiring) -> None:
         self._session = session
         self._attendance = attendance
         self._wiring = wiring
-        self._settings = ""  # the CRC of what was prepared,
-        self._prepared_at = -1  # and how often the device had started then
+        self._settings = ""  # CRC of the prepared settings
+        self._prepared_at = -1  # number of device starts at that time
 
     def prepare(self, given: Mapping[str, float]) -> None:
-        """Set a test.
+        """Configure a test.
 
         Args:
-            given: settings by name; those that are missing have their defaults.
+            given: settings by name; missing ones take their defaults.
 
         Raises:
             Refused, WrongIdentity, Rejected, DeviceFault: see `BatteryTester.prepare`.
@@ -130,7 +130,7 @@ class Preparing:
         self._prepared_at = -1
         told = self._expected()
         if isinstance(told, BareLines):
-            self._must_be_what_it_does(given)
+            self._must_match_fixed_settings(given)
             if told.running:
                 raise Rejected(session.device, "its test runs, and a level 1 device has one only", "stop() it first")
             if not told.waiting:
@@ -144,7 +144,7 @@ class Preparing:
         self._prepared_at = session.starts
 
     def start(self) -> None:
-        """Begin the test that was prepared.
+        """Start the prepared test.
 
         Raises:
             Refused, Rejected, DeviceFault: see `BatteryTester.start`.
@@ -191,24 +191,24 @@ class Preparing:
         try:
             session.reset()
         except NoReply as no_banner:
-            if told is not None or not self._has_a_level():
+            if told is not None or not self._is_level_2():
                 raise no_banner from None
             self._stop_by_command()
         if running and session.told is not None:
             session.told.state = "stopped"
 
-    def _has_a_level(self) -> bool:
-        """Return whether it turns out to be a device that can be stopped by a command."""
+    def _is_level_2(self) -> bool:
+        """Return whether it turns out to be a level 2 device, which can be stopped by command."""
         try:
             return isinstance(self._session.meet(), NumberedLines)
         except NoReply:
             return False
 
     def _stop_by_command(self) -> None:
-        """Ask for it, and ask what came of it.
+        """Send STOP, and query the outcome.
 
         Raises:
-            DeviceFault: a relay is said to be closed.
+            DeviceFault: a relay is reported closed.
         """
         self._session.ask("STOP")
         status = Status.ask(self._session)
@@ -229,7 +229,7 @@ class Preparing:
             )
         return told
 
-    def _must_be_what_it_does(self, given: Mapping[str, float]) -> None:
+    def _must_match_fixed_settings(self, given: Mapping[str, float]) -> None:
         does = {"cycles": float(self._wiring.cycles), **_LEVEL_1}
         for name, value in given.items():
             if name not in does:
@@ -247,7 +247,7 @@ class Preparing:
                 )
 
     def _set(self, settings: Mapping[str, str]) -> None:
-        """Set every setting; what was not set before it started again would be a default."""
+        """Send every setting: after a restart, any that is not sent would be at its default."""
         for setting in SETTINGS:
             wanted = f"{setting.name}={settings[setting.name]}"
             found = self._session.ask(f"SET {wanted}")
@@ -255,9 +255,9 @@ class Preparing:
                 raise Rejected(self._session.device, f"{wanted} was set, it reads {found}", "check its firmware")
 
     def _next_run(self) -> str:
-        """Return a run that the device has not had: its boot counter, and a count since then, four digits each.
+        """Return a run identifier that the device has not used: boot counter and count since boot, four digits each.
 
-        The count continues from the device's last run, so that another session of this boot repeats none.
+        The count continues from the device's last run, so that no other session since this boot reuses one.
         """
         session = self._session
         last = Status.ask(session).run

@@ -1,4 +1,4 @@
-"""One session with a cycler: commands of level 2, each with a tag, and their replies."""
+"""Session with a cycler: tagged level 2 commands and their replies."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from hil.wire.port import Port
 
 __all__ = ["CyclerSession", "Status", "drift_between", "refusal"]
 
-_LINES_S = 0.5  # three long lines of 140 bytes at 9600 baud: two that may leave first, and the reply
+_LINES_S = 0.5  # three long lines of 140 bytes at 9600 baud: two that may be sent first, and the reply
 _ATTEMPTS = 3
 _LAST_TAG = 65_535
 _SEAL_AND_END = 7
@@ -45,13 +45,13 @@ class CyclerSession(Hearing):
         device: the instrument's name in the bench file, for messages.
         port: the open byte stream.
         clock: the bench's clock.
-        timeout: how long a reply may take to begin on a free line [s].
+        timeout: longest time until a reply begins on a free line [s].
 
     Attributes:
-        within_s: longest wait for one reply [s], lines that leave before it included.
-        tag: of the last command.
-        sent_bytes: of the last command.
-        reply_bytes: of its reply.
+        within_s: longest wait for one reply [s], including lines sent before it.
+        tag: tag of the last command.
+        sent_bytes: length of the last command.
+        reply_bytes: length of its reply.
     """
 
     def __init__(self, device: str, port: Port, clock: Clock, *, timeout: float = LONGEST_REPLY_S) -> None:
@@ -61,20 +61,20 @@ class CyclerSession(Hearing):
         self.sent_bytes = 0
         self.reply_bytes = 0
         self._line = b""
-        self._prefix = b""  # of the reply that is outstanding
+        self._prefix = b""  # of the outstanding reply
         self._words: str | None = None
 
     def reopened(self) -> None:
-        """Forget what the line has told, and the reply that is outstanding."""
+        """Discard all that was received, and the outstanding reply."""
         super().reopened()
         self._prefix, self._words = b"", None
 
     def ask(self, command: str) -> str:
-        """Send a command, and return what follows OK; the same bytes again where no reply comes.
+        """Send a command, and return the text after OK; without a reply, resend the same bytes.
 
         Raises:
-            Rejected: it answers with an error.
-            NoReply, Garbled: it does not answer, or damaged.
+            Rejected: the device answers with an error.
+            NoReply, Garbled: it does not answer, or its reply is damaged.
         """
         damaged = self.numbered().damaged
         if self._prefix:
@@ -97,7 +97,7 @@ class CyclerSession(Hearing):
         raise NoReply(self.device, f"asked {command}, and no reply came", "check its power and its USB cable")
 
     def send(self, command: str) -> int:
-        """Send a command, do not wait, and return its tag; where a rest may stand before it, an end comes first."""
+        """Send a command without waiting, and return its tag; a line end first clears any pending partial line."""
         self.tag = self.tag % _LAST_TAG + 1
         self._prefix, self._words = b":%d " % self.tag, None
         self._line = (b"" if self.in_step else b"\n") + seal(f":{self.tag} {command}")
@@ -107,11 +107,11 @@ class CyclerSession(Hearing):
         return self.tag
 
     def send_again(self) -> None:
-        """Send the same bytes again."""
+        """Resend the last command's bytes."""
         self.write(self._line)
 
     def answer(self) -> str | None:
-        """Return what follows the tag of the last command, if the reply has come; others were late copies."""
+        """Return the text after the tag if the last command's reply has come; other replies are late duplicates."""
         if self._prefix and isinstance(self.told, NumberedLines):
             replies, self.told.replies = self.told.replies, []
             for reply in replies:
@@ -123,10 +123,10 @@ class CyclerSession(Hearing):
         return self._words
 
     def fields(self, command: str) -> Mapping[str, str]:
-        """Ask, and return the fields of the reply.
+        """Send a query, and return the fields of its reply.
 
         Raises:
-            DeviceFault: as `ask`; Garbled where something else than fields came.
+            DeviceFault: as `ask`; Garbled where the reply is not fields.
         """
         words = self.ask(command)
         try:
@@ -135,7 +135,7 @@ class CyclerSession(Hearing):
             raise self.nonsense(words) from error
 
     def identify(self) -> Banner:
-        """Ask a device of level 2 who it is.
+        """Query the identity of a level 2 device.
 
         Raises:
             DeviceFault: as `fields`.
@@ -151,7 +151,7 @@ class CyclerSession(Hearing):
         return found
 
     def judged(self, command: str, words: str) -> str:
-        """Return what follows OK; Rejected if it is an error, Garbled if it is neither."""
+        """Return the text after OK; Rejected if the reply is an error, Garbled if it is neither."""
         result, _, rest = words.partition(" ")
         if result == "ERROR":
             raise refusal(self.device, command, rest)
@@ -160,7 +160,7 @@ class CyclerSession(Hearing):
         return rest
 
     def numbered(self) -> NumberedLines:
-        """Return what a device of level 2 has reported; Garbled if it no longer is one."""
+        """Return what a level 2 device has reported; Garbled if it no longer is one."""
         told = self.meet()
         if not isinstance(told, NumberedLines):
             raise Garbled(self.device, "it speaks level 1", FIRMWARE)
@@ -168,7 +168,7 @@ class CyclerSession(Hearing):
 
 
 def refusal(device: str, command: str, words: str) -> Rejected:
-    """Return the fault of an ERROR reply; `words` are the error's name and its word."""
+    """Return the fault for an ERROR reply; `words` are the error's name and detail."""
     name, _, word = words.partition(" ")
     meaning, hint = _MEANINGS.get(name, (f"it answers ERROR {words}", _FIRMWARE))
     return Rejected(device, f"it refuses {command}: {meaning.format(word=word)}", hint)
@@ -179,12 +179,12 @@ class Status:
     """One exchange of STATE.
 
     Attributes:
-        run: of the last test, `-` if there was none.
-        relays: `C`, `D` or `-`.
-        reading: what it measures.
-        device_ms: its time without wraps.
-        low_s: bench time before which the stamp was not made: the question was still on the line.
-        high_s: bench time after which it was not made: the reply was on the line.
+        run: identifier of the last test, `-` if there was none.
+        relays: the closed relay: `C`, `D` or `-`.
+        reading: present measurements.
+        device_ms: unwrapped device time.
+        low_s: earliest bench time of the device's timestamp: until then the query was still on the line.
+        high_s: latest bench time of the timestamp: by then the reply was on the line.
     """
 
     run: str
@@ -196,10 +196,10 @@ class Status:
 
     @classmethod
     def ask(cls, session: CyclerSession) -> Self:
-        """Ask, and let what the lines have said continue from the reply.
+        """Query the state, and continue the reported state from the reply.
 
         Raises:
-            DeviceFault: it does not answer, or nonsense.
+            DeviceFault: the device does not answer, or answers nonsense.
         """
         told = session.numbered()
         running, sent_s = told.running, session.clock.now()
@@ -226,7 +226,7 @@ class Status:
 
     @classmethod
     def ask_for_time(cls, session: CyclerSession) -> Self:
-        """Ask a few times and return the quickest exchange, which dates the device's time best.
+        """Query the state a few times, and return the quickest exchange, which dates the device's time best.
 
         Raises:
             DeviceFault: as `ask`.
@@ -235,24 +235,24 @@ class Status:
 
     @property
     def middle_s(self) -> float:
-        """The bench's time that is taken for that of the device's stamp."""
+        """Bench time assigned to the device's timestamp."""
         return (self.low_s + self.high_s) / 2
 
     @property
     def spread_s(self) -> float:
-        """How far apart the bounds of the stamp are; where the line is faster than it should be, they cross."""
+        """Distance between the bounds of the timestamp in s; they cross where the line is faster than specified."""
         return abs(self.high_s - self.low_s)
 
     @property
     def uncertainty(self) -> float:
-        """Standard uncertainty of `middle_s` in s: the stamp was made between the bounds, and has steps of 1 ms."""
+        """Standard uncertainty of `middle_s` in s: the timestamp lies between the bounds, with a resolution of 1 ms."""
         return math.hypot(self.spread_s, _STEP_S) / math.sqrt(12)
 
 
 def drift_between(first: Status, last: Status) -> tuple[float, float] | tuple[None, None]:
-    """Return the rate of the device's clock against the bench's minus 1, and its standard uncertainty.
+    """Return the relative drift of the device's clock against the bench's, and its standard uncertainty.
 
-    It is the quotient of the times between two exchanges, minus 1, where there was any between them.
+    The drift is the ratio of elapsed device time to elapsed bench time, minus 1; None where no time elapsed.
     """
     seconds = last.middle_s - first.middle_s
     if seconds <= 0:

@@ -1,4 +1,4 @@
-"""The settings of a level 2 device: how they are written, and the CRC that START names."""
+"""Settings of a level 2 device: their text form, and the CRC that START quotes."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _MOST_CYCLES = 9999
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """One setting: its name, unit, decimals and default, as the page's table has them."""
+    """One setting: name, unit, decimals and default, as in the protocol page's table."""
 
     name: str
     unit: str
@@ -45,20 +45,20 @@ SETTINGS = (
     Setting("time", "s", 0, "28800"),
     Setting("charge", "Ah", 3, "3.000"),
 )
-"""Every setting, in the order of the page's table, which is that of the CRC."""
+"""Every setting, in the order of the protocol page's table, which the CRC follows."""
 
 
 def checked(device: str, given: Mapping[str, float]) -> dict[str, str]:
-    """Return every setting as it is written, those that are not given with their defaults.
+    """Return the text of every setting, with defaults for those not given.
 
     Raises:
-        Refused: a value is not a number, or has more decimals than can be written.
+        Refused: a value is not a number, or has more decimals than the setting allows.
     """
     return {setting.name: _written(device, setting, given.get(setting.name)) for setting in SETTINGS}
 
 
 def crc_of(settings: Mapping[str, str]) -> str:
-    """Return the CRC of all settings, four hexadecimal digits."""
+    """Return the CRC of all settings as four hexadecimal digits."""
     text = ";".join(f"{setting.name}={settings[setting.name]}" for setting in SETTINGS)
     return f"{crc_hqx(text.encode('ascii'), 0xFFFF):04X}"
 
@@ -84,12 +84,12 @@ def _level(value: object) -> str:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Wiring:
-    """The settings of a wire.
+    """Wire settings.
 
     Attributes:
-        level: of the protocol that the device must speak: `1` or `2.0`.
-        beat_s: the device's longest time between heartbeats; the driver sends one three times as often.
-        cycles: how many a device of level 1 runs, for it cannot be told.
+        level: protocol level that the device must speak: `1` or `2.0`.
+        beat_s: heartbeat timeout of the device; the driver sends heartbeats three times as often.
+        cycles: number of cycles that a level 1 device runs; it cannot be set there.
     """
 
     level: Annotated[str, Notation(_level, "2.0")] = "2.0"
@@ -100,7 +100,7 @@ class Wiring:
 
     @classmethod
     def read(cls, wire: Wire) -> Self:
-        """Read the settings of a wire; Refused where one cannot be, or is not for that level."""
+        """Read the settings of a wire; Refused where one is invalid, or not available at that level."""
         own = settings.read(wire, cls)
         for key, of_level in (("beat", "2.0"), ("cycles", "1")):
             if key in wire.settings and own.level != of_level:

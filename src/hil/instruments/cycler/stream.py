@@ -1,4 +1,4 @@
-"""One stream of a cycler: rows as they come, with device time or that of their arrival."""
+"""Stream of a cycler's rows, timed by the device or by their arrival."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ CHANNELS = (
     ("phase", "1"),
     ("cycle", "1"),
 )
-"""Names and units of a row, after its time."""
+"""Names and units of a row's columns after the time."""
 
 _COLUMNS = 1 + len(CHANNELS)
 _MS_PER_S = 1000.0
 
 
 class CyclerStream:
-    """Begins with its making: rows count from now on.
+    """One stream; it begins when it is created, and holds the rows from then on.
 
     Args:
         session: the session.
-        attend: takes what has come, and does what is due.
+        attend: services the line, see `Attendance`.
 
     Raises:
         DeviceFault: the device is silent or talks nonsense.
@@ -57,16 +57,16 @@ class CyclerStream:
 
     @property
     def uncertainty(self) -> float | None:
-        """Standard uncertainty of the rows' times in s, None if no row has come yet."""
+        """Standard uncertainty of the row times in s, None before the first row."""
         if self._first is not None:
             return self._first.uncertainty
         return self._told.uncertainty if isinstance(self._told, BareLines) else None
 
     def drain(self) -> NDArray[np.float64]:
-        """Return the rows that have come, shape (n, 7).
+        """Return the rows received since the last call, shape (n, 7).
 
         Raises:
-            DeviceFault: no more will come; what came before it has been returned.
+            DeviceFault: the stream is over; earlier rows have been returned.
         """
         if self._fault is not None:
             raise self._fault
@@ -82,7 +82,7 @@ class CyclerStream:
         return np.array(rows).reshape(-1, _COLUMNS) if rows else np.empty((0, _COLUMNS))
 
     def end(self) -> StreamReport:
-        """Keep no more rows, and return how it went.
+        """Stop keeping rows, and return the stream's report.
 
         Raises:
             DeviceFault: the device is silent or talks nonsense.

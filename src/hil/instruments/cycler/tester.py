@@ -1,4 +1,4 @@
-"""The role of a cycler: a test is prepared, started, followed and stopped."""
+"""Driver of a battery cycler: prepare, start, follow and stop its test."""
 
 from __future__ import annotations
 
@@ -37,23 +37,23 @@ _FRESH_S = 1.5 * LINE_S
 _JUST_READ_S = 0.5
 _LONGEST_LINE = 64
 _FILLED_S = MOST_BYTES / _LONGEST_LINE * LINE_S
-_TURNS_PER_BEAT = 6  # due after a third of it, sent in the next turn, seen to be lost in the one after
+_TURNS_PER_BEAT = 6  # due after a third of the timeout, sent in the next turn, its loss noticed in the one after
 
 
 def stopped(name: str, proof: Proof | None, within_s: float) -> SafeBytes:
-    """Return the bytes that open both relays and end a test, and ask for state, relays and what is measured.
+    """Return the bytes that open both relays and end a test, and query state, relays and measurements.
 
-    Tag 0 is for a sender that does not know what was said before. A killed program may have left a START without its
-    end, which a line feed would let begin a battery's charge. So what is sent first is a question without a line feed
-    before it: after half a line the seal of both together is wrong, and the device throws them away.
+    Tag 0 is for a sender that does not know the dialogue so far. A killed program may have left a START without its
+    line end, and a line feed would then start charging a battery. So a query with no line feed before it is sent first:
+    appended to half a line, it makes the checksum of the whole wrong, and the device discards both.
 
-    It also talks unasked, so that nobody can wait for its silence: what may be owed is waited for from the last
-    question on. Replies have tags, but these bytes are the same each time: no tag tells two askings apart.
+    The device also sends unsolicited lines, so waiting for silence is not possible: overdue replies are waited for from
+    the last query on. Replies carry tags, but these bytes are the same each time, so no tag tells two attempts apart.
 
     Args:
-        name: of the role instance.
-        proof: how the bench file proves it; voltage, current and temperature of this cycler are asked for.
-        within_s: how long a reply may take [s].
+        name: name of the role instance.
+        proof: the bench file's proof; voltage, current and temperature of this cycler can be queried.
+        within_s: reply timeout [s].
     """
     question, command = seal(":0 STATE"), seal(":0 STOP")
     fields = dict.fromkeys((b"v", b"i", b"e", b"t"), rb"\S+")
@@ -76,12 +76,12 @@ def stopped(name: str, proof: Proof | None, within_s: float) -> SafeBytes:
 
 
 class BatteryTester:
-    """One device; fills the role `cycler`.
+    """One cycler; fills the role `cycler`.
 
     Args:
         name: the wire's dotted name.
         session: the session.
-        wiring: level, heartbeat, and the cycles of a level 1 device.
+        wiring: protocol level, heartbeat, and number of cycles of a level 1 device.
     """
 
     def __init__(self, name: str, session: CyclerSession, wiring: Wiring) -> None:
@@ -95,7 +95,7 @@ class BatteryTester:
 
     @property
     def watchdog_s(self) -> float:
-        """After how long without a heartbeat the device opens its relays; see `hil.instruments.roles.Watched`."""
+        """Heartbeat timeout in s after which the device opens its relays; see `hil.instruments.roles.Watched`."""
         return self._watchdog_s
 
     @drives
@@ -115,15 +115,15 @@ class BatteryTester:
         time: float | None = None,
         charge: float | None = None,
     ) -> None:
-        """Acknowledge what ended the last test, and set what the next one is to be; every setting is read back.
+        """Acknowledge the end of the last test, and configure the next one; every setting is read back.
 
-        A device of level 1 that does not wait is reset.
+        A level 1 device that is not waiting for its start is reset.
 
         Raises:
-            Refused: a number cannot be written.
-            WrongIdentity: it speaks another level than the wiring says.
-            Rejected: it runs a test, or cannot do what is asked.
-            DeviceFault: it does not answer, or nonsense.
+            Refused: a number cannot be sent.
+            WrongIdentity: the device speaks a protocol level other than the wiring's.
+            Rejected: it is running a test, or does not support a setting.
+            DeviceFault: it does not answer, or answers nonsense.
         """
         limits = {"vfull": vfull, "iend": iend, "vend": vend, "vmax": vmax, "vmin": vmin, "imax": imax}
         limits |= {"tmax": tmax, "tmin": tmin, "time": time, "charge": charge}
@@ -132,31 +132,31 @@ class BatteryTester:
 
     @drives
     def start(self) -> None:
-        """Begin the test that was prepared.
+        """Start the prepared test.
 
         Raises:
-            Refused: none was.
-            Rejected: it refuses, as for a measured value beyond a limit.
-            DeviceFault: it does not answer, or nonsense.
+            Refused: no test was prepared.
+            Rejected: the device refuses, for example because a measured value is beyond a limit.
+            DeviceFault: it does not answer, or answers nonsense.
         """
         self._preparing.start()
 
     @drives
     def stop(self) -> None:
-        """Open both relays: by STOP, which is read back; by a reset through DTR where that is not possible.
+        """Open both relays: by STOP, which is read back, or by a reset through DTR where STOP is not possible.
 
         Raises:
             NoReply: neither worked.
-            DeviceFault: it says that a relay is closed.
+            DeviceFault: the device reports a closed relay.
         """
         self._preparing.stop()
 
     def safe_bytes(self, state: str, proof: Proof | None = None) -> SafeBytes:
-        """Return the bytes of STOP; see `hil.instruments.roles.SafeByBytes`. What it measures can be asked for.
+        """Return the bytes of STOP; see `hil.instruments.roles.SafeByBytes`. Its measurements can be queried.
 
         Raises:
-            Refused: there is no such state; or a level 1 device, or one that has shown no level yet: any byte may start
-                its test.
+            Refused: there is no such state; or the device is level 1, or of unknown level, so any byte may start a
+                test.
         """
         must_be_state(CYCLER, self._name, state)
         told = self._session.told
@@ -173,7 +173,7 @@ class BatteryTester:
         """Return `idle`, `charge`, `rest`, `discharge`, `ended`, `stopped`, or `tripped` and the reason.
 
         Raises:
-            DeviceFault: it has restarted while its test ran, is silent, or talks nonsense.
+            DeviceFault: the device restarted during its test, is silent, or talks nonsense.
         """
         told = self._followed()
         if isinstance(told, NumberedLines):
@@ -185,15 +185,15 @@ class BatteryTester:
 
     @reads
     def level(self) -> str:
-        """Return `1` or `2.0`."""
+        """Return the protocol level: `1` or `2.0`."""
         return self._session.meet().level
 
     @reads
     def voltage(self) -> Figure:
-        """Return the newest voltage in V; its uncertainty is not known.
+        """Return the newest voltage in V; its uncertainty is unknown.
 
         Raises:
-            NoReply: there is none that is new, as on a level 1 device that runs no test.
+            NoReply: there is no recent reading, as on a level 1 device without a running test.
             DeviceFault: as `state`.
         """
         return Figure(value=self._reading()[0], unit="V")
@@ -210,10 +210,10 @@ class BatteryTester:
 
     @reads
     def time_uncertainty(self) -> Figure:
-        """Return the standard uncertainty of the rows' times in s; NaN while nothing is streamed.
+        """Return the standard uncertainty of the row times in s; NaN while nothing is streaming.
 
-        Level 2: how well the device's time was known at `begin`; what its clock does afterwards is the drift. Level 1:
-        the worst of what arrivals have shown so far.
+        Level 2: how well device time was known at `begin`; later deviations of its clock count as drift. Level 1: the
+        largest uncertainty of any arrival so far.
         """
         known = self._stream.uncertainty if self._stream else None
         return Figure(value=float("nan") if known is None else known, unit="s")
@@ -224,17 +224,17 @@ class BatteryTester:
 
     @reads
     def sample(self) -> tuple[float, ...]:
-        """Return the newest numbers of every channel."""
+        """Return the newest value of every channel."""
         reading = self._reading()
         told = self._session.meet()
         return (*reading, told.phase, told.cycle)
 
     def begin(self, rate: float) -> None:
-        """Keep rows from now on; the device measures every 5 s, whether or not anybody listens.
+        """Begin to stream; the device sends a row every 5 s in any case.
 
         Raises:
-            Refused: another rate than 0.2 Hz, or a stream runs.
-            DeviceFault: it is silent or talks nonsense.
+            Refused: the rate is not 0.2 Hz, or a stream is running.
+            DeviceFault: the device is silent or talks nonsense.
         """
         if self._stream is not None:
             raise Refused(f"{self._session.device} is already streaming", "end the stream first")
@@ -247,26 +247,26 @@ class BatteryTester:
         """Return the rows since the last call, shape (n, 7): time in s since `begin`, and the channels.
 
         Raises:
-            DeviceFault: it has restarted, is silent, or talks nonsense; what came before it has been returned.
+            DeviceFault: the device restarted, is silent, or talks nonsense; earlier rows have been returned.
         """
         return self._streaming().drain()
 
     def end(self) -> StreamReport:
-        """Keep no more rows, and return how it went; the test continues."""
+        """End the stream, and return its report; the test continues."""
         stream = self._streaming()
         self._stream = None
         return stream.end()
 
     @property
     def longest_pause(self) -> float:
-        """Seconds from line to line: a reader that drains as often sees every line when it comes."""
+        """Seconds between lines: a reader that drains this often sees every line as it arrives."""
         return LINE_S
 
     @property
     def patience(self) -> float:
-        """Seconds that lines can wait: 4096 bytes hold twice as many, and heartbeats leave with two turns to spare.
+        """Seconds that lines can wait: half of what 4096 bytes hold, and with two turns to spare for each heartbeat.
 
-        Rows of level 1 are dated by their arrival, so their turn stays that of a line.
+        Level 1 rows are dated by their arrival, so they are still read once per line.
         """
         if not isinstance(self._session.told, NumberedLines):
             return LINE_S
@@ -274,7 +274,7 @@ class BatteryTester:
 
     @property
     def over(self) -> bool:
-        """Whether the lines read so far reported the end of a test. See `hil.instruments.sampled.Ending`."""
+        """Whether the lines read so far report the end of the test. See `hil.instruments.sampled.Ending`."""
         told = self._session.told
         return told is not None and not told.running and told.state != "idle"
 
@@ -284,7 +284,7 @@ class BatteryTester:
         return self._stream
 
     def _followed(self) -> Told:
-        """Return what it has reported up to now; a test that was lost is a fault until the next one is prepared."""
+        """Return what the device has reported so far; a lost test is a fault until the next one is prepared."""
         self._session.meet()
         self._attendance.attend()
         if self._session.fault is not None:
@@ -308,7 +308,7 @@ class BatteryTester:
 class BatteryCycler:
     """Driver `cycler`: role `cycler`. A wire may set `level`, `beat` and `cycles`, see `Wiring`.
 
-    Opening the port resets most devices; the driver waits for the banner, or for another line that shows the level.
+    Opening the port resets most devices; the driver waits for the banner, or for any line that shows the level.
     """
 
     roles: ClassVar[frozenset[str]] = frozenset({"cycler"})
@@ -320,15 +320,15 @@ class BatteryCycler:
         self._session = CyclerSession(connection.device, connection.port, connection.clock, timeout=connection.timeout)
 
     def reopened(self) -> None:
-        """Forget what the line has said: the opening resets most devices, and a test that ran is over."""
+        """Discard all that was received: opening the port resets most devices, which ends a running test."""
         self._session.reopened()
 
     def identify(self) -> Identity:
-        """Wait until a line shows the level; ask a device of level 2 who it is, a level 1 device has its banner only.
+        """Wait until a line shows the level; query a level 2 device's identity; a level 1 device has only its banner.
 
         Raises:
             NoReply: no line did.
-            DeviceFault: it does not answer, or nonsense.
+            DeviceFault: the device does not answer, or answers nonsense.
         """
         if not isinstance(self._session.meet(), NumberedLines):
             return Identity(model=BANNER.decode("ascii"))
@@ -336,7 +336,7 @@ class BatteryCycler:
         return Identity(model=found.name, serial=found.serial, firmware=found.firmware)
 
     def outlets(self) -> Sequence[Outlet]:
-        """Return one outlet for both relays: on while one is closed, in level 1 while a test runs.
+        """Return one outlet for both relays: on while either is closed, at level 1 while a test is running.
 
         Raises:
             DeviceFault: as `identify`.
@@ -346,6 +346,6 @@ class BatteryCycler:
         return (Outlet(0, on=on),)
 
     def role(self, wire: Wire) -> BatteryTester:
-        """Return the device in the wire's settings."""
+        """Return the cycler with the wire's settings."""
         settings.fits(wire, "cycler", self.roles)
         return BatteryTester(wire.name, self._session, Wiring.read(wire))

@@ -1,4 +1,4 @@
-"""The I2C bus of the board: smbus2's interface over the link, and streams."""
+"""I2C bus of the board: smbus2's interface over the link, and streams."""
 
 from __future__ import annotations
 
@@ -39,14 +39,14 @@ _ERRORS = {
 class ObcBus:
     """One I2C bus of the board, with smbus2's interface. See `hil.wire.streaming.StreamingBus`.
 
-    A device that does not acknowledge is OSError with errno EREMOTEIO, a bus that is held ETIMEDOUT, any
-    other failure on it EIO; what is wrong with the link itself is a DeviceFault of the board.
+    A missing acknowledge raises OSError with errno EREMOTEIO, a blocked bus ETIMEDOUT, any other failure
+    on it EIO; a failure of the link itself is a DeviceFault of the board.
 
     Args:
         session: the board's session.
         clock: the bench's clock.
-        number: which bus of the board.
-        frequency_hz: its speed; it is set before the first transfer after each start of the board.
+        number: number of the bus on the board.
+        frequency_hz: bus clock; set before the first transfer after each start of the board.
     """
 
     def __init__(self, session: ObcSession, clock: Clock, *, number: int = 0, frequency_hz: int = _RESET_HZ) -> None:
@@ -64,7 +64,7 @@ class ObcBus:
     def start_stream(
         self, transfers: Sequence[StreamTransfer], *, period_s: float | None = None, line: int | None = None
     ) -> ObcStream:
-        """Let the board run `transfers` every `period_s`, or at every rising edge of interrupt line `line`.
+        """Have the board run `transfers` every `period_s`, or at every rising edge of interrupt line `line`.
 
         Raises:
             Refused: not exactly one of `period_s` and `line` is given, or a number does not fit.
@@ -76,11 +76,11 @@ class ObcBus:
         )
 
     def transfer(self, messages: Sequence[Message]) -> list[bytes]:
-        """Run messages with repeated starts; return what each read gave.
+        """Run messages with repeated starts; return the bytes of each read.
 
         Raises:
             OSError: a message failed on the bus.
-            Refused: more than the board takes at once.
+            Refused: more than the board accepts at once.
             DeviceFault: the link failed.
         """
         self._make_ready()
@@ -100,15 +100,15 @@ class ObcBus:
         return [data for (_, content), (_, data) in zip(messages, found, strict=True) if isinstance(content, int)]
 
     def read_byte(self, i2c_addr: int) -> int:
-        """Return one byte without naming a register."""
+        """Read one byte without a register address."""
         return self.transfer([(i2c_addr, 1)])[0][0]
 
     def write_byte(self, i2c_addr: int, value: int) -> None:
-        """Write one byte without naming a register."""
+        """Write one byte without a register address."""
         self.transfer([(i2c_addr, bytes((value,)))])
 
     def read_byte_data(self, i2c_addr: int, register: int) -> int:
-        """Return one byte of a register."""
+        """Read one byte from a register."""
         return self._registers(i2c_addr, register, 1)[0]
 
     def write_byte_data(self, i2c_addr: int, register: int, value: int) -> None:
@@ -116,25 +116,25 @@ class ObcBus:
         self.transfer([(i2c_addr, bytes((register, value)))])
 
     def read_word_data(self, i2c_addr: int, register: int) -> int:
-        """Return two bytes from a register on, low byte first."""
+        """Read two bytes starting at a register, low byte first."""
         return int.from_bytes(self._registers(i2c_addr, register, 2), "little")
 
     def write_word_data(self, i2c_addr: int, register: int, value: int) -> None:
-        """Write two bytes from a register on, low byte first."""
+        """Write two bytes starting at a register, low byte first."""
         self.transfer([(i2c_addr, bytes((register,)) + value.to_bytes(2, "little"))])
 
     def read_i2c_block_data(self, i2c_addr: int, register: int, length: int) -> list[int]:
-        """Return up to 32 bytes from a register on."""
+        """Read up to 32 bytes starting at a register."""
         _must_fit_block(length)
         return list(self._registers(i2c_addr, register, length))
 
     def write_i2c_block_data(self, i2c_addr: int, register: int, data: Sequence[int]) -> None:
-        """Write up to 32 bytes from a register on."""
+        """Write up to 32 bytes starting at a register."""
         _must_fit_block(len(data))
         self.transfer([(i2c_addr, bytes((register, *data)))])
 
     def i2c_rdwr(self, *i2c_msgs: object) -> None:
-        """Run combined messages of smbus2; reads fill their message."""
+        """Run smbus2 messages as one combined transfer; reads fill their message."""
         messages = cast("tuple[i2c_msg, ...]", i2c_msgs)
         reads = [message for message in messages if message.flags & _READ_FLAG]
         replies = self.transfer(
@@ -147,7 +147,7 @@ class ObcBus:
         return self.transfer([(address, bytes((register,))), (address, count)])[0]
 
     def _make_ready(self) -> None:
-        """Set the bus speed where the board has started since it was set."""
+        """Set the bus clock if the board has restarted since it was last set."""
         self._session.board()
         if self._ready_for != self._session.starts:
             self._session.request(Command.I2C_SPEED, struct.pack("<BI", self._number, self._frequency_hz))
@@ -162,7 +162,7 @@ def _packed(message: Message) -> bytes:
 
 
 def _results(fields: bytes, messages: Sequence[Message]) -> tuple[tuple[int, bytes], ...]:
-    """Return status and bytes of every message; ValueError where they are not those that were asked for."""
+    """Return status and bytes of every message; ValueError where they do not match the request."""
     if fields[:1] != bytes((len(messages),)):
         raise ValueError(f"{len(messages)} messages expected")
     found = statuses(fields, 1, len(messages))

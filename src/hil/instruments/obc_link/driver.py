@@ -1,4 +1,4 @@
-"""The board that plays the on-board computer; its protocol is the page about the OBC link."""
+"""Driver of the board that stands in for the on-board computer; protocol: the page on the OBC link."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _MILLIVOLTS = 1000.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ObcWire:
-    """What a wire says of the analogue inputs: names of those that are recorded, and conversions per sample."""
+    """Wire settings of the analogue inputs: names of those to record, and conversions per sample."""
 
     a0: AnyText = ""
     a1: AnyText = ""
@@ -42,11 +42,11 @@ class ObcWire:
 
 
 class ObcBoard:
-    """The board itself; fills the role `obc`. A sample is the mean count of each input that the wire names.
+    """The board itself; fills the role `obc`. A sample is the mean count of each named input.
 
     Args:
         session: the board's session.
-        wire: names of inputs.
+        wire: the named inputs.
     """
 
     def __init__(self, session: ObcSession, wire: ObcWire) -> None:
@@ -56,12 +56,12 @@ class ObcBoard:
         self._inputs = {number: name for number, name in enumerate(names) if name}
 
     def channels(self) -> tuple[Channel, ...]:
-        """Return the inputs that the wire names."""
+        """Return the named inputs."""
         return tuple(Channel(name, "LSB") for name in self._inputs.values())
 
     @reads
     def sample(self) -> tuple[float, ...]:
-        """Return the mean of the raw conversions of each named input, one after the other.
+        """Return the mean raw conversion of each named input, read one after the other.
 
         Raises:
             Refused: the wire names none.
@@ -73,12 +73,12 @@ class ObcBoard:
 
     @reads
     def full_scale(self) -> Figure:
-        """Return the largest raw number in LSB."""
+        """Return the full-scale count in LSB."""
         return Figure(value=float(self._converted(0, 1).full_scale), unit="LSB", uncertainty=0.0)
 
     @reads
     def reference(self) -> Figure:
-        """Return the converter's reference in V as the board measures it by itself; how well is not known."""
+        """Return the converter's reference in V as measured by the board itself; its uncertainty is unknown."""
         return Figure(value=self._converted(0, 1).reference_mv / _MILLIVOLTS, unit="V")
 
     @reads
@@ -91,10 +91,10 @@ class ObcBoard:
     def analog(self, channel: int) -> Figure:
         """Return the voltage of one analogue input in V, the mean of 64 conversions; NaN at full scale.
 
-        The standard uncertainty holds the scatter of the mean and the converter's step, not the reference's.
+        The standard uncertainty covers the scatter of the mean and the converter's resolution, not the reference.
 
         Raises:
-            Refused: the board says that it has no such input; nothing was asked of it.
+            Refused: the board reports no such input; it was not queried.
         """
         found = self._converted(channel, _CONVERSIONS)
         mean = found.total / found.taken
@@ -124,7 +124,7 @@ class ObcBoard:
 
 
 _SIMULATED = b"SIMULATE".hex()
-"""What a simulated board says instead of the commit of its firmware."""
+"""A simulated board reports this instead of its firmware's commit."""
 
 
 class ObcLink:
@@ -141,21 +141,21 @@ class ObcLink:
 
     @property
     def session(self) -> ObcSession:
-        """The session with the board, which counts what did not go smoothly."""
+        """The session with the board, with its counters of retries and damaged frames."""
         return self._session
 
     def identify(self) -> Identity:
-        """Ask the board who it is: the firmware's name is the model, the chip's unique id the serial number."""
+        """Query the board's identity: the firmware's name is the model, the chip's unique ID the serial number."""
         board = self._session.identify()
         build = "SIMULATED" if board.build == _SIMULATED else board.build
         return Identity(model=board.name, serial=board.unique_id, firmware=f"{board.firmware}+{build}")
 
     def outlets(self) -> Sequence[Outlet]:
-        """Return nothing: the board has no outputs."""
+        """Return an empty list: the board has no outputs."""
         return ()
 
     def bus(self, frequency_hz: float = 100_000.0) -> ObcBus:
-        """Return the board's I2C bus; nothing is sent before its first transfer, which sets its speed."""
+        """Return the board's I2C bus; nothing is sent before its first transfer, which sets the bus clock."""
         return ObcBus(self._session, self._connection.clock, frequency_hz=round(frequency_hz))
 
     def role(self, wire: Wire) -> Obc:

@@ -23,21 +23,21 @@ __all__ = [
 _FULL = 254
 _FULL_CODE = 0xFF
 MAJOR = 1
-"""The major version that this driver speaks."""
+"""Major protocol version of this driver."""
 
 DELIMITER = b"\0"
 LONGEST = 2048
 """The largest frame of the protocol in bytes, before stuffing."""
 
 OVERHEAD = 6
-"""Bytes of a frame that are not payload."""
+"""Overhead of a frame in bytes: everything but the payload."""
 
 _LONGEST_STUFFED = LONGEST + LONGEST // 254 + 1
 _HEAD = struct.Struct("<BBH")
 
 
 def stuff(data: bytes) -> bytes:
-    """Return `data` without a zero, so that a zero can part frames; nothing follows a full block that ends the data.
+    """Return `data` COBS-encoded, without zeros, so that a zero can delimit frames; no code follows a final full block.
 
     Source: Cheshire and Baker, Consistent Overhead Byte Stuffing, IEEE/ACM Transactions on Networking 7(2), 1999.
     """
@@ -55,9 +55,9 @@ def stuff(data: bytes) -> bytes:
 
 
 def unstuff(block: bytes) -> bytes:
-    """Return what stands between two delimiters, unstuffed; a final code of 01 after a full block is allowed.
+    """Return the COBS-decoded bytes between two delimiters; a final code of 01 after a full block is allowed.
 
-    Only code bytes are looked at one by one: they become the zeros that they stand for, in place.
+    Only code bytes are visited one by one: each is replaced in place by the zero that it stands for.
 
     Raises:
         ValueError: the block is empty, has a zero, or a code points beyond its end.
@@ -82,7 +82,7 @@ def unstuff(block: bytes) -> bytes:
 
 
 def _full_blocks(part: bytes, stuffed: bytearray) -> bytes:
-    """Append the full blocks of `part`, and return what is left of it."""
+    """Append the full blocks of `part`, and return the remainder."""
     while len(part) >= _FULL:
         stuffed.append(_FULL_CODE)
         stuffed += part[:_FULL]
@@ -105,7 +105,7 @@ def crc(data: bytes) -> int:
 
 
 def seal(kind: int, sequence: int, payload: bytes = b"") -> bytes:
-    """Return a frame as it stands on the line, with its delimiter."""
+    """Return a frame as sent on the line, with its delimiter."""
     data = _HEAD.pack(MAJOR, kind, sequence) + payload
     return stuff(data + crc(data).to_bytes(2, "little")) + DELIMITER
 
@@ -114,7 +114,7 @@ def unseal(block: bytes) -> Frame:
     """Return the frame between two delimiters.
 
     Raises:
-        ValueError: it is not a frame, whatever is wrong with it.
+        ValueError: it is not a valid frame.
     """
     data = unstuff(block)
     if not OVERHEAD <= len(data) <= LONGEST:
@@ -126,16 +126,16 @@ def unseal(block: bytes) -> Frame:
 
 
 class FrameReader:
-    """Cuts a byte stream into frames, in whatever pieces it comes; what is not a frame is counted in `damaged`."""
+    """Splits a byte stream, in chunks of any size, into frames; blocks that are not frames count as `damaged`."""
 
     def __init__(self) -> None:
         self.damaged = 0
         self._rest = b""
 
     def feed(self, data: bytes) -> list[Frame]:
-        """Take bytes and return the frames that they complete, in order."""
+        """Take bytes, and return the frames that they complete, in order."""
         *blocks, rest = (self._rest + data).split(DELIMITER)
-        # What is too long stays too long when it is cut here, and is counted at its delimiter.
+        # An overlong block stays overlong when truncated here, and is counted at its delimiter.
         self._rest = rest[: _LONGEST_STUFFED + 1]
         frames = []
         for block in filter(None, blocks):

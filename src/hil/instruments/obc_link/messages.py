@@ -1,4 +1,4 @@
-"""Payloads of the OBC link: what requests say, and what replies and unsolicited frames tell."""
+"""Payloads of the OBC link: encoding of requests, decoding of replies and unsolicited frames."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ _REASONS = {
 
 
 class Command(IntEnum):
-    """Types of requests that this driver sends."""
+    """Request types that this driver sends."""
 
     IDENTIFY = 0x01
     TIME = 0x02
@@ -66,7 +66,7 @@ class Command(IntEnum):
 
 
 class Unsolicited(IntEnum):
-    """Types of frames that nobody asks for."""
+    """Types of unsolicited frames."""
 
     STREAM_DATA = 0x40
     BOOT = 0x41
@@ -74,7 +74,7 @@ class Unsolicited(IntEnum):
 
 
 class Code(IntEnum):
-    """The first byte of a reply."""
+    """Result code: the first byte of a reply."""
 
     OK = 0
     UNKNOWN_TYPE = 1
@@ -101,7 +101,7 @@ class MessageStatus(IntEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Identification:
-    """The reply to IDENTIFY: version of protocol and firmware, who the board is, and what it can do."""
+    """The reply to IDENTIFY: protocol and firmware version, identity, and capabilities."""
 
     major: int
     minor: int
@@ -123,7 +123,7 @@ class Identification:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Conversions:
-    """The reply to ADC: how many raw conversions, their sum and sum of squares, full scale, reference in mV."""
+    """The reply to ADC: number of raw conversions, their sum and sum of squares, full scale, reference in mV."""
 
     channel: int
     taken: int
@@ -135,7 +135,7 @@ class Conversions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BootNotice:
-    """What the board says after a reset."""
+    """The board's unsolicited notice after a reset."""
 
     boots: int
     reason: int
@@ -143,7 +143,7 @@ class BootNotice:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Event:
-    """What the board reports by itself: which event, and its detail."""
+    """An unsolicited event report: event code and detail."""
 
     event: int
     detail: int
@@ -155,12 +155,12 @@ def code_text(code: int) -> str:
 
 
 def reason_text(reason: int) -> str:
-    """Return the words for a reset's reason."""
+    """Return the text for a reset reason."""
     return _REASONS.get(reason, f"unknown reason {reason}")
 
 
 def identification(reply: bytes) -> Identification:
-    """Read the reply to IDENTIFY after its code; a later minor version's surplus is ignored.
+    """Decode the reply to IDENTIFY after its code; extra fields of a later minor version are ignored.
 
     Raises:
         ValueError: it is too short.
@@ -188,7 +188,7 @@ def identification(reply: bytes) -> Identification:
 
 
 def conversions(reply: bytes) -> Conversions:
-    """Read the reply to ADC after its code; ValueError if it is too short."""
+    """Decode the reply to ADC after its code; ValueError if it is too short."""
     channel, taken, total, squares, full_scale, reference_mv = _unpacked(_CONVERSIONS, reply)
     return Conversions(
         channel=channel, taken=taken, total=total, squares=squares, full_scale=full_scale, reference_mv=reference_mv
@@ -196,13 +196,13 @@ def conversions(reply: bytes) -> Conversions:
 
 
 def started(payload: bytes) -> BootNotice:
-    """Read a boot notice; ValueError if it is too short."""
+    """Decode a boot notice; ValueError if it is too short."""
     _major, _minor, boots, reason, *_firmware = _unpacked(_BOOT, payload)
     return BootNotice(boots=boots, reason=reason)
 
 
 def event(payload: bytes) -> Event:
-    """Read an event; ValueError if it is too short."""
+    """Decode an event; ValueError if it is too short."""
     number, _count, _device_us, detail = _unpacked(_EVENT, payload)
     return Event(event=number, detail=detail)
 
@@ -221,7 +221,7 @@ def program(
 
 
 def statuses(payload: bytes, at: int, count: int) -> tuple[tuple[int, bytes], ...]:
-    """Read `count` statuses with their bytes from offset `at` on.
+    """Decode `count` statuses with their bytes, starting at offset `at`.
 
     Raises:
         ValueError: the payload is cut short.
@@ -238,7 +238,7 @@ def statuses(payload: bytes, at: int, count: int) -> tuple[tuple[int, bytes], ..
 
 
 def stream_frame(payload: bytes) -> StreamFrame:
-    """Read a frame of stream data.
+    """Decode a frame of stream data.
 
     Raises:
         ValueError: the payload is cut short.
@@ -249,7 +249,7 @@ def stream_frame(payload: bytes) -> StreamFrame:
 
 
 def _unpacked(layout: struct.Struct, payload: bytes, at: int = 0) -> tuple[Any, ...]:
-    """Return the fields of a layout; ValueError where the payload is too short for it."""
+    """Unpack the fields of a layout; ValueError where the payload is too short for it."""
     try:
         return layout.unpack_from(payload, at)
     except struct.error:

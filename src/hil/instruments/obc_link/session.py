@@ -1,4 +1,4 @@
-"""A session with the OBC: one request at a time, whatever else comes in between."""
+"""Session with the OBC: one request at a time, with unsolicited frames dispatched in between."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ __all__ = ["Arrivals", "BoardRefused", "Inbox", "ObcSession", "Reply"]
 _WATCHDOG_EXPIRED = 1
 _LONGEST_NS = NANOSECONDS // 2
 _ATTEMPTS = 4
-_MARGIN_MS = 30  # the reply's own time on the line, and the USB on both sides
+_MARGIN_MS = 30  # the reply's time on the line, and USB latency at both ends
 _WAIT_MS = 40
 _WAITS_MS = {Command.ADC: 80, Command.I2C: 200, Command.STREAM_STOP: 420}
 _IS_REPLY = 0x80
@@ -40,21 +40,21 @@ _T = TypeVar("_T")
 
 @dataclass(slots=True)
 class Inbox:
-    """Where the frames of one stream wait for their reader; `fault` is why no more will come."""
+    """Queue of one stream's frames; `fault` is why the stream ended."""
 
     payloads: list[bytes] = field(default_factory=list)
     fault: DeviceFault | None = None
 
 
 class Arrivals:
-    """Gives every unsolicited frame its place.
+    """Dispatches every frame that is not the awaited reply.
 
     Args:
         device: the instrument's name, for messages.
 
     Attributes:
-        stray: frames that nobody waits for: late copies of replies, data of streams that are over, unknown types.
-        events: reports of the board about itself.
+        stray: number of unexpected frames: late duplicates of replies, data of ended streams, unknown types.
+        events: the board's event reports.
     """
 
     def __init__(self, device: str) -> None:
@@ -65,30 +65,30 @@ class Arrivals:
         self._notice: BootNotice | None = None
 
     def open_inbox(self, stream: int) -> Inbox:
-        """Begin to keep the frames of a stream."""
+        """Start queueing the frames of a stream."""
         self._inboxes[stream] = Inbox()
         return self._inboxes[stream]
 
     def expects(self, stream: int) -> bool:
-        """Return whether frames of a stream are kept."""
+        """Return whether a stream's frames are queued."""
         return stream in self._inboxes
 
     def close_inbox(self, stream: int) -> None:
-        """Keep no more frames of a stream."""
+        """Stop queueing the frames of a stream."""
         self._inboxes.pop(stream, None)
 
     def break_streams(self, fault: DeviceFault) -> None:
-        """Tell every stream why it ends; the first reason stays."""
+        """End every stream with a fault; the first fault is kept."""
         for inbox in self._inboxes.values():
             inbox.fault = inbox.fault or fault
 
     def take_notice(self) -> BootNotice | None:
-        """Return the newest boot notice, once."""
+        """Return the newest boot notice and clear it."""
         notice, self._notice = self._notice, None
         return notice
 
     def place(self, frame: Frame) -> None:
-        """Take one frame."""
+        """Dispatch one frame."""
         try:
             self._place(frame)
         except ValueError:
@@ -119,7 +119,7 @@ class Arrivals:
 
 @dataclass(frozen=True, slots=True)
 class Reply:
-    """The fields of a reply after its code, and the bench's time of request and reply in ns."""
+    """The fields of a reply after its code, and the bench times of request and reply in ns."""
 
     fields: bytes
     sent_ns: int
@@ -141,9 +141,9 @@ class BoardRefused(Rejected):
 class ObcSession:
     """The host's end of the link.
 
-    The first request, and the first after a reset or a silence, is preceded by IDENTIFY. A request
-    without a reply is sent again, byte by byte the same, so that the board does not execute it twice;
-    all attempts together take 0.5 s at most.
+    IDENTIFY precedes the first request, and the first after a reset or a silence. A request without a
+    reply is resent byte for byte, so that the board does not execute it twice; all attempts together
+    take 0.5 s at most.
 
     Args:
         device: the instrument's name in the bench file, for messages.
@@ -151,9 +151,9 @@ class ObcSession:
         clock: the bench's clock.
 
     Attributes:
-        arrivals: what came unasked.
-        repeated: requests that were sent again.
-        starts: how often the board was met again; what was set before a change of it is not set any more.
+        arrivals: dispatcher of unsolicited frames.
+        repeated: number of requests resent.
+        starts: number of times the board was re-identified; a change means that earlier settings are lost.
     """
 
     def __init__(self, device: str, port: Port, clock: Clock) -> None:
@@ -170,19 +170,19 @@ class ObcSession:
 
     @property
     def damaged(self) -> int:
-        """How many pieces between two delimiters were no frame."""
+        """Number of blocks between delimiters that were not frames."""
         return self._reader.damaged
 
     def board(self) -> Identification:
-        """Return what the board says of itself; it is asked where it was not met yet."""
+        """Return the board's identification, querying it if necessary."""
         return self._board if self._board and self._met else self.identify()
 
     def identify(self) -> Identification:
-        """Ask the board who it is.
+        """Query the board's identity.
 
         Raises:
-            WrongIdentity: it speaks another major version.
-            DeviceFault: it has restarted since it was asked last.
+            WrongIdentity: the board speaks another major version.
+            DeviceFault: it has restarted since it was last identified.
         """
         self._met = False
         found = self.read("IDENTIFY", identification, self._exchange(Command.IDENTIFY, b"").fields)
@@ -197,10 +197,10 @@ class ObcSession:
         return found
 
     def request(self, command: Command, payload: bytes = b"", *, once: bool = False) -> Reply:
-        """Send a request and return its reply; `once` forbids to send it again.
+        """Send a request and return its reply; `once` disables retries.
 
         Raises:
-            NoReply: none came in time.
+            NoReply: no reply came in time.
             Garbled: only damaged frames came.
             BoardRefused: the board answered with an error.
             WrongIdentity: the board speaks another major version.
@@ -210,7 +210,7 @@ class ObcSession:
         return self._exchange(command, payload, once=once)
 
     def read(self, asked: str, parse: Callable[[bytes], _T], fields: bytes) -> _T:
-        """Return what `parse` makes of a reply's fields; Garbled where it raises ValueError."""
+        """Parse a reply's fields; Garbled where `parse` raises ValueError."""
         try:
             return parse(fields)
         except ValueError as error:
@@ -219,7 +219,7 @@ class ObcSession:
             ) from None
 
     def poll(self) -> None:
-        """Take what has come; never waits.
+        """Take what has arrived, without waiting.
 
         Raises:
             DeviceFault: the board has restarted.
@@ -230,7 +230,7 @@ class ObcSession:
             self._must_not_have_restarted()
 
     def went_back(self) -> DeviceFault:
-        """Return the fault of a board whose clock went back; the next request meets it again."""
+        """Return the fault for a board whose clock went back; the next request identifies it again."""
         self._met, self._board = False, None
         fault = DeviceFault(self.device, "the board's clock went back: it has restarted without a notice", _LOOK)
         self.arrivals.break_streams(fault)
@@ -256,7 +256,7 @@ class ObcSession:
         raise self._silence(command, self.damaged - damaged)
 
     def _await(self, command: Command, until_ns: int) -> Frame | None:
-        """Return the reply to the outstanding request, or None; whatever else comes finds its place."""
+        """Return the reply to the outstanding request, or None; other frames are dispatched."""
         reply: Frame | None = None
         while reply is None and (left_ns := until_ns - self._clock.now_ns()) > 0:
             self._port.timeout = min(left_ns, _LONGEST_NS) / NANOSECONDS
@@ -279,7 +279,7 @@ class ObcSession:
         return fields
 
     def _must_not_have_restarted(self) -> None:
-        """Raise where a boot notice came within the session; before the first meeting it is nothing to tell."""
+        """Raise where a boot notice came during the session; one before the first identification is ignored."""
         if not (notice := self.arrivals.take_notice()):
             return
         known, self._board, self._met = self._board, None, False

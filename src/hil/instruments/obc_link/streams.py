@@ -1,4 +1,4 @@
-"""Streams of the board: frames with device time, and how the device's clock goes against the bench's."""
+"""Streams of the board: frames with device time, and the drift of the device's clock against the bench's."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ _WATCHDOG_MS = 60_000
 _EXCHANGES_AT_THE_ENDS = 4
 _EXCHANGE_EVERY_S = 10.0
 _SILENCE_S = 2.0
-_PADDING = b"\xa5" * 17  # makes the request as long as its reply, so that both ways take equally long
+_PADDING = b"\xa5" * 17  # makes the request as long as its reply, so that both take equally long on the line
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClockReading:
-    """Four stamps of one exchange: t1 and t4 of the bench, t2 and t3 of the device, all in s."""
+    """Four timestamps of one exchange in s: t1 and t4 of the bench, t2 and t3 of the device."""
 
     sent: float
     device_received: float
@@ -43,21 +43,21 @@ class ClockReading:
 
     @property
     def delay(self) -> float:
-        """Time on the way in s, (t4 - t1) - (t3 - t2): RFC 5905, section 8; half of it bounds the offset's error."""
+        """Round-trip delay in s, (t4 - t1) - (t3 - t2): RFC 5905, section 8; half of it bounds the offset's error."""
         return (self.received - self.sent) - (self.device_sent - self.device_received)
 
     @property
     def device_middle(self) -> float:
-        """Device time in the middle of the device's turn, in s."""
+        """Device time midway between t2 and t3, in s."""
         return (self.device_received + self.device_sent) / 2.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClockEstimate:
-    """What exchanges tell; None if they are too few.
+    """Clock drift and offset from a set of exchanges; None if there are too few.
 
     Attributes:
-        drift: rate of the device's clock against the bench's minus 1.
+        drift: rate of the device's clock relative to the bench's, minus 1.
         drift_uncertainty: standard uncertainty of `drift`.
         offset: bench minus device at the last exchange, in s.
     """
@@ -68,18 +68,18 @@ class ClockEstimate:
 
 
 def estimate(exchanges: Sequence[ClockReading]) -> ClockEstimate:
-    """Estimate drift and offset by a straight line through the offsets of the quicker half.
+    """Estimate drift and offset by a straight line through the offsets of the quicker half of the exchanges.
 
-    Exchanges slower than the median are left out: what made them slow did so on one way only, as a
-    rule (Cristian, Probabilistic clock synchronization, Distributed Computing 3, 1989; RFC 5905 keeps the
+    Exchanges slower than the median are left out: the extra delay is usually in one direction only
+    (Cristian, Probabilistic clock synchronization, Distributed Computing 3, 1989; RFC 5905 keeps the
     quickest of eight). The line is fitted by least squares to offset over device time; its slope b is
     d(bench)/d(device) - 1, so the drift is 1/(1 + b) - 1. Its standard uncertainty comes from the scatter
-    about the line with n - 2 degrees of freedom, which is taken to be no smaller than what the stamps'
-    steps of 1 us alone make of the mean of two: 1 us / sqrt(12) / sqrt(2). A constant difference between
-    the two ways shifts the offset, by half of the delay at most, and leaves the drift alone.
+    about the line with n - 2 degrees of freedom, which is taken as at least the contribution of the
+    timestamps' 1 us resolution to the mean of two: 1 us / sqrt(12) / sqrt(2). A constant asymmetry of
+    the two directions shifts the offset, by at most half of the delay, and does not affect the drift.
 
     Args:
-        exchanges: at any distances, in any order.
+        exchanges: at any intervals, in any order.
     """
     if not exchanges:
         return ClockEstimate()
@@ -114,7 +114,7 @@ def begin_stream(
     period_s: float | None,
     line: int | None,
 ) -> ObcStream:
-    """Start stream 0 of the board; one that an earlier session left running is stopped first."""
+    """Start stream 0 of the board, after stopping one that an earlier session left running."""
     if (period_s is None) == (line is None):
         raise Refused(f"{session.device}: a stream has a period or a line", "give one of the two")
     if session.arrivals.expects(_STREAM):
@@ -135,7 +135,7 @@ class ObcStream:
     """A running stream. See `hil.wire.streaming.BusStream`.
 
     TIME is exchanged at the beginning, every 10 s while frames are fetched, and at the end. While the
-    stream runs, the board's watchdog is armed with 60 s, so that a board whose host is gone falls silent.
+    stream runs, the board's watchdog is armed with 60 s, so that a board that lost its host stops sending.
     """
 
     def __init__(self, session: ObcSession, clock: Clock) -> None:
@@ -167,37 +167,37 @@ class ObcStream:
         self._heard = self._clock.now()
 
     def frames(self) -> Sequence[StreamFrame]:
-        """Return the frames that have come and were not fetched yet, in order; waits for the exchange of TIME only.
+        """Return the frames received since the last call, in order; waits only for the exchange of TIME.
 
         Raises:
-            DeviceFault: no more will come: the board restarted, its watchdog expired, or the link is silent.
+            DeviceFault: the stream ended: the board restarted, its watchdog expired, or the link is silent.
         """
         try:
             if not self._over:
                 self._session.poll()
-                self._keep_time(bool(self._inbox.payloads))
+                self._track_clock(bool(self._inbox.payloads))
         except DeviceFault as fault:
             self._inbox.fault = self._inbox.fault or fault
-        self._sort()
+        self._decode_frames()
         ready, self._ready = self._ready, []
         if not ready and self._inbox.fault:
             raise self._inbox.fault
         return ready
 
     def stop(self) -> StreamSummary:
-        """End the stream and return how it went; frames that were not fetched yet can still be.
+        """End the stream and return its summary; frames not fetched yet stay available.
 
         Raises:
-            DeviceFault: the board does not answer, or had ended the stream by itself.
+            DeviceFault: the board does not answer, or had already ended the stream.
         """
         numbers = self._next_number
         if not self._over:
             self._over = True
             try:
-                numbers = self._halt()
+                numbers = self._stop_on_board()
             finally:
                 self._session.arrivals.close_inbox(_STREAM)
-        self._sort()
+        self._decode_frames()
         clocks = estimate(self._exchanges)
         return StreamSummary(
             frames=self._received,
@@ -207,8 +207,8 @@ class ObcStream:
             offset_s=clocks.offset,
         )
 
-    def _halt(self) -> int:
-        """Stop the stream in the board and return how many numbers it gave."""
+    def _stop_on_board(self) -> int:
+        """Stop the stream on the board, and return the number of frames that it counted."""
         if self._inbox.fault:
             raise self._inbox.fault
         fields = self._session.request(Command.STREAM_STOP, bytes((_STREAM,))).fields
@@ -227,8 +227,8 @@ class ObcStream:
             self._inbox.payloads.clear()
             self._session.request(Command.STREAM_START, payload)
 
-    def _sort(self) -> None:
-        """Read what is in the inbox; a frame that is cut short, or comes twice, is none."""
+    def _decode_frames(self) -> None:
+        """Decode the frames in the inbox, dropping truncated and duplicate ones."""
         payloads, self._inbox.payloads = self._inbox.payloads, []
         for payload in payloads:
             try:
@@ -243,7 +243,7 @@ class ObcStream:
             self._received += 1
             self._ready.append(frame)
 
-    def _keep_time(self, frames_came: bool) -> None:
+    def _track_clock(self, frames_came: bool) -> None:
         now = self._clock.now()
         if frames_came:
             self._heard = now
@@ -259,14 +259,14 @@ class ObcStream:
             self._exchanges.append(exchange)
 
     def _exchange(self) -> ClockReading:
-        """ClockReading TIME, with a request of its own for the second attempt: a repeated one would have old stamps."""
+        """Exchange TIME; a retry is a new request, because a resent one would have old timestamps."""
         try:
             return self._asked()
         except (NoReply, Garbled):
             return self._asked()
 
     def _asked(self) -> ClockReading:
-        # The host value is a count: the bench's time would differ in a replay of what hardware sent.
+        # The host's value is a count: bench time would differ when a record of hardware is replayed.
         self._asked_times += 1
         question = struct.pack("<Q", self._asked_times) + _PADDING
         reply = self._session.request(Command.TIME, question, once=True)

@@ -1,1 +1,1 @@
-"""What sensors on an I2C bus share: registers, samples, FIFO; a chip is a table and what is peculiar to it."""
+"""Kit for sensors on an I2C bus: registers, samples, FIFO; a chip adds only its tables and its peculiarities."""

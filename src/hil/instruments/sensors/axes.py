@@ -1,4 +1,4 @@
-"""A sensor with three axes: single samples, and what its data sheet says of its numbers."""
+"""Three-axis sensors: single samples, scaling and noise from the data sheet."""
 
 from __future__ import annotations
 
@@ -25,26 +25,26 @@ _WARMED_S = 0.5
 
 
 def three_axes(unit: str) -> tuple[Channel, ...]:
-    """Return the channels of three axes in a unit, and of the temperature."""
+    """Return the channels x, y, z in a unit, and temperature."""
     return (*(Channel(axis, unit) for axis in "xyz"), Channel("temperature", "degC"))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sampling:
-    """How a sensor has been set to sample.
+    """Sampling configuration of a sensor.
 
     Attributes:
-        rate: nominal samples per second.
-        axes: how counts of the axes become quantities.
-        temperature: how counts of the temperature become degC.
-        order: which byte of a number comes first.
-        temperature_order: which byte of the temperature comes first, where that is another one.
-        full_scale: the largest number of the range, in the unit of the axes.
-        density: white noise of a typical article, one-sided, in the data sheet's unit over the root of Hz; infinite
-            where no data sheet tells it.
-        bandwidth: noise bandwidth of the filter in Hz.
-        awake: registers that tell a sensor which measures from one that lost its settings.
-        line: interrupt line of the OBC at which the sensor's interrupt ends.
+        rate: nominal sampling rate [Hz].
+        axes: scale of the axes.
+        temperature: scale of the temperature, to degC.
+        order: byte order of the axes.
+        temperature_order: byte order of the temperature, where it differs.
+        full_scale: full scale of the range, in the unit of the axes.
+        density: typical one-sided white-noise density, in the data sheet's unit per root Hz; infinite where no data
+            sheet states it.
+        bandwidth: noise bandwidth of the filter [Hz].
+        awake: registers that distinguish a measuring sensor from one that lost its settings.
+        line: interrupt line of the OBC to which the sensor's interrupt is wired.
     """
 
     rate: float
@@ -60,41 +60,41 @@ class Sampling:
 
     @property
     def period(self) -> float:
-        """Nominal seconds from sample to sample."""
+        """Nominal sampling period in s."""
         return 1.0 / self.rate
 
     @property
     def noise(self) -> float:
-        """Standard deviation in counts that a typical article shows on an axis."""
+        """Typical noise of an axis in counts rms."""
         return self.density * math.sqrt(self.bandwidth) * self.axes.per_unit
 
     def temperature_counts(self, data: bytes) -> int:
-        """Return the counts in two bytes of the temperature."""
+        """Return the temperature counts in two bytes."""
         return int.from_bytes(data, self.temperature_order or self.order, signed=True)
 
     def celsius(self, data: bytes) -> float:
-        """Return the temperature in degC of two bytes; NaN where they are marked invalid."""
+        """Return the temperature in degC from two bytes; NaN where they are marked invalid."""
         return self.temperature.number(self.temperature_counts(data))
 
 
 class Axes(Sensor):
-    """Three axes; fills the role `gyroscope`, `accelerometer` or `magnetometer` of its chip.
+    """Three-axis sensor; fills the role `gyroscope`, `accelerometer` or `magnetometer` of its chip.
 
-    Its chip's class defines `_wake` and `_sleep`, and names these.
+    The chip's class defines `_wake`, `_sleep` and these attributes.
 
     Attributes:
-        measures: made by `three_axes`.
-        axes_at: register of the first of three numbers of two bytes.
-        temperature_at: register of the temperature, two bytes.
-        temperature_on_other: whether that is on the chip's other die.
+        measures: the channels, from `three_axes`.
+        axes_at: first register of the three 16-bit axes.
+        temperature_at: register of the 16-bit temperature.
+        temperature_on_other: whether that register is on the chip's other die.
         together: whether temperature and axes can be read in one transfer.
-        invalid: counts that stand for no number at all, None where there are none.
+        invalid: counts that mark an invalid reading, None where there are none.
 
     Args:
-        registers: of the chip.
+        registers: the chip's registers.
         clock: the bench's clock.
-        wire: whose settings it reads.
-        sampling: what they come to.
+        wire: the wire with the settings.
+        sampling: the resulting sampling configuration.
     """
 
     axes_at: ClassVar[int]
@@ -107,14 +107,14 @@ class Axes(Sensor):
         super().__init__(registers, clock, wire)
         self._sampling = sampling
         self._judged = 0.0
-        self._rejudge()
+        self._reset_stillness()
 
     @reads
     def temperature(self) -> Figure:
-        """Return the temperature of the sensor's die in degC; its uncertainty is not known.
+        """Return the die temperature in degC; its uncertainty is unknown.
 
         Raises:
-            NoReply: no acknowledge, or a number that is marked invalid: it sleeps.
+            NoReply: no acknowledge, or a reading marked invalid: the sensor sleeps.
         """
         self._require_running()
         temperature = self._sampling.celsius(self._temperature_bytes())
@@ -126,21 +126,21 @@ class Axes(Sensor):
 
     @reads
     def bandwidth(self) -> Figure:
-        """Return the noise bandwidth of the filter in Hz."""
+        """Return the filter's noise bandwidth in Hz."""
         return Figure(value=self._sampling.bandwidth, unit="Hz")
 
     @reads
     def resolution(self) -> Figure:
-        """Return one count of the chosen range, in the unit of the axes."""
+        """Return the resolution of the selected range, one count, in the unit of the axes."""
         return Figure(value=self._sampling.axes.resolution, unit=self.measures[0].unit)
 
     @reads
     def full_scale(self) -> Figure:
-        """Return the largest number of the chosen range, in the unit of the axes."""
+        """Return the full scale of the selected range, in the unit of the axes."""
         return Figure(value=self._sampling.full_scale, unit=self.measures[0].unit)
 
     def _sample(self) -> tuple[float, ...]:
-        """Read temperature and axes; samples at least a period apart must differ."""
+        """Read temperature and axes; samples at least one period apart must differ."""
         temperature, counts = self._read_outputs()
         now = self._clock.now()
         if now - self._judged >= self._sampling.period:
@@ -149,27 +149,27 @@ class Axes(Sensor):
         return (*(self._sampling.axes.number(axis) for axis in counts), self._sampling.temperature.number(temperature))
 
     def _wait_until_valid(self, longest: float, since: str) -> None:
-        """Wait until temperature and axes are valid; `since` says what has been done before, for the message."""
+        """Wait until temperature and axes are valid; `since` names the preceding action, for the message."""
 
         def valid() -> bool:
             temperature, counts = self._read_outputs()
             return self._sampling.temperature.usable(temperature) and self.invalid not in counts
 
-        self._rejudge()
+        self._reset_stillness()
         self._wait_for(valid, longest, self._sampling.period, (f"no valid data {since}", "check the sensor's power"))
 
     @property
     def _patience(self) -> float:
-        """Over how many samples the noise is one and the same."""
+        """Correlation length of the noise in samples."""
         return max(1.0, self._sampling.rate / (2.0 * self._sampling.bandwidth))
 
-    def _rejudge(self) -> None:
-        """Forget the samples from before a start."""
+    def _reset_stillness(self) -> None:
+        """Discard the stillness statistics from before a start."""
         self._stillness = Stillness(self._device, self._sampling.axes, self._sampling.noise, self._patience)
         self._judged = 0.0
 
     def _read_outputs(self) -> tuple[int, tuple[int, ...]]:
-        """Return the counts of the temperature and of the axes, read in one transfer where the chip allows it."""
+        """Return the counts of temperature and axes, read in one transfer where the chip allows it."""
         if self.together:
             first, last = min(self.axes_at, self.temperature_at), max(self.axes_at + 6, self.temperature_at + 2)
             data = self._registers.block(first, last - first)
@@ -180,22 +180,22 @@ class Axes(Sensor):
         return self._sampling.temperature_counts(temperature[:2]), counts
 
     def _temperature_bytes(self) -> bytes:
-        """Return the two bytes of the temperature."""
+        """Read the two bytes of the temperature."""
         die = self._registers.other if self.temperature_on_other else None
         return (die or self._registers).block(self.temperature_at, 2)
 
 
 class Field(Sensor):
-    """A magnetometer without a filter; its chip's class says how a sample is read.
+    """A magnetometer without a filter; the chip's class reads the samples.
 
     Args:
-        registers: of the chip.
+        registers: the chip's registers.
         clock: the bench's clock.
-        wire: whose settings it has.
-        rate: of its measurements [Hz].
-        axes: how counts become uT.
-        full_scale: the largest field of the range [uT].
-        noise: standard deviation in counts that a typical article shows, see `Stillness`.
+        wire: the wire with the settings.
+        rate: sampling rate [Hz].
+        axes: scale from counts to uT.
+        full_scale: full scale of the range [uT].
+        noise: typical noise in counts rms, see `Stillness`.
     """
 
     measures: ClassVar[tuple[Channel, ...]] = three_axes("uT")
@@ -214,41 +214,41 @@ class Field(Sensor):
         super().__init__(registers, clock, wire)
         self._rate, self._axes, self._full_scale, self._noise = rate, axes, full_scale, noise
         self._celsius, self._warming = math.nan, 0.0
-        self._rejudge()
+        self._reset_stillness()
 
     @reads
     def bandwidth(self) -> Figure:
-        """Return half the rate in Hz: each of its measurements has noise of its own."""
+        """Return half the sampling rate in Hz: the noise of the samples is independent."""
         return Figure(value=self._rate / 2.0, unit="Hz")
 
     @reads
     def resolution(self) -> Figure:
-        """Return one count of the chosen range in uT."""
+        """Return the resolution of the selected range, one count, in uT."""
         return Figure(value=self._axes.resolution, unit="uT")
 
     @reads
     def full_scale(self) -> Figure:
-        """Return the largest field of the chosen range in uT."""
+        """Return the full scale of the selected range in uT."""
         return Figure(value=self._full_scale, unit="uT")
 
-    def _rejudge(self) -> None:
-        """Forget the samples from before a start."""
+    def _reset_stillness(self) -> None:
+        """Discard the stillness statistics from before a start."""
         self._stillness = Stillness(self._device, self._axes, self._noise)
         self._warmed = -math.inf
 
-    def _warmth(self) -> float:
-        """Return the temperature in degC, which is read twice a second at most: a die has no quicker ones.
+    def _die_temperature(self) -> float:
+        """Return the die temperature in degC, read at most twice a second: a die does not change faster.
 
-        Where it is not read, the time that it takes passes, so that samples are as far apart as they are taken.
+        When it is not read, the time that a read takes passes all the same, so that sample spacing stays uniform.
         """
         now = self._clock.now()
         if not self._registers.sparing or now - self._warmed >= _WARMED_S:
-            self._celsius, self._warmed = self._read_warmth(), now
+            self._celsius, self._warmed = self._read_die_temperature(), now
             self._warming = self._clock.now() - now
         else:
             self._clock.sleep(self._warming)
         return self._celsius
 
     @abstractmethod
-    def _read_warmth(self) -> float:
+    def _read_die_temperature(self) -> float:
         """Read the temperature in degC."""

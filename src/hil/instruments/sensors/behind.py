@@ -1,4 +1,4 @@
-"""A sensor on a second die that can be reached through the first one only, as on a chip's auxiliary bus."""
+"""Sensor on a second die that is reachable only through the first, as on a chip's auxiliary bus."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ _T = TypeVar("_T")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Condition:
-    """What a register of the first die must hold, for the second die to be there.
+    """A register setting of the first die that makes the second die reachable.
 
     Attributes:
-        register, value: what is written there.
-        otherwise: what it means where the register holds something else, for the message.
-        bits: those that matter.
+        register, value: register and the value written to it.
+        otherwise: what a different value means, for the message.
+        bits: mask of the bits that matter.
     """
 
     register: IntEnum
@@ -34,12 +34,12 @@ class Condition:
 
 
 class Behind(Sensor):
-    """A sensor behind the first die of its chip, whose class defines `_switch_off` and reads by `_reached`.
+    """A sensor behind its chip's first die; the chip's class defines `_switch_off` and reads by `_transfer_through`.
 
     Attributes:
-        first: the first die's chip, for its identity.
-        way: what the first die must hold, written in this order.
-        first_asleep: what puts the first die to sleep.
+        first: the first die's `Chip`, for its identity.
+        way: settings of the first die, written in this order.
+        first_asleep: settings that put the first die to sleep.
     """
 
     first: ClassVar[Chip]
@@ -47,15 +47,15 @@ class Behind(Sensor):
     first_asleep: ClassVar[Mapping[int, int]]
 
     def _identify(self) -> None:
-        """Open the way, then ask for its name; the first die must be the right one, too."""
-        self._require_name(self._first_die, self.first)
+        """Open the path, then read the ID; the first die must be the right one too."""
+        self._require_id(self._first_die, self.first)
         self._open()
-        self._reached(super()._identify)
+        self._transfer_through(super()._identify)
 
     def _sleep(self) -> None:
         """Put this die to sleep, and the first one unless another sensor of the chip runs; read that back."""
-        self._open()  # the first die may sleep already
-        self._reached(self._switch_off)
+        self._open()  # the first die may already be asleep
+        self._transfer_through(self._switch_off)
         if not self._others_run():
             self._first_die.put(self.first_asleep)
 
@@ -68,12 +68,12 @@ class Behind(Sensor):
         return cast("Registers", self._registers.other)
 
     def _open(self) -> None:
-        """Let the first die be as it must, which another sensor that runs has seen to."""
+        """Configure the first die, unless another running sensor has done so."""
         if not self._others_run():
             self._first_die.set({each.register: each.value for each in self.way})
 
-    def _reached(self, transfer: Callable[[], _T]) -> _T:
-        """Transfer with this die; where it does not acknowledge, say what of the first die keeps it away."""
+    def _transfer_through(self, transfer: Callable[[], _T]) -> _T:
+        """Run a transfer with this die; on a missing acknowledge, report the first die's setting that blocks it."""
         try:
             return transfer()
         except NoReply as fault:

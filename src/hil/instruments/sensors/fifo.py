@@ -1,4 +1,4 @@
-"""Where blocks of a sensor's FIFO come from: read by an OBC that the sensor triggers, or by the host itself."""
+"""Sources of a sensor's FIFO blocks: an OBC triggered by the sensor's interrupt, or the host by polling."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ __all__ = ["Block", "BlockSource", "Fifo", "Packets", "source_of"]
 _HOST_BUFFER_BYTES = 4096
 _LONGEST_PAUSE_S = 1.0
 _MARGIN = 0.5
-_FULL, _LEFT_S = 0.7, 0.1  # of a FIFO that the host reads, when it does; and time until it overflows then
-_LARGEST_COUNT = 1.25  # of what a FIFO holds
-# A frame of the OBC link holds 2048 bytes; its head and the other transfers take less than 48.
+_FULL, _LEFT_S = 0.7, 0.1  # fill level at which the host reads the FIFO, and the time then left until it overflows
+_LARGEST_COUNT = 1.25  # largest plausible count, relative to the FIFO's capacity
+# A frame of the OBC link holds 2048 bytes; its header and the other transfers take less than 48.
 _MOST_BYTES = 2000
 _FRAME_OVERHEAD_BYTES = 64
 _STUFFING = 1.02
@@ -35,8 +35,8 @@ class Packets:
     """The packets of one read.
 
     Attributes:
-        counts: of the axes, shape (n, axes), packets that are not the sensor's included.
-        usable: which packets are what they should be, shape (n,).
+        counts: counts of the axes, shape (n, axes), invalid packets included.
+        usable: which packets are valid, shape (n,).
     """
 
     counts: NDArray[np.int16]
@@ -45,29 +45,29 @@ class Packets:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fifo:
-    """A chip's FIFO, as its data sheet has it.
+    """A chip's FIFO, as in its data sheet.
 
     Attributes:
-        size: bytes that it holds.
-        packet: bytes of one packet.
-        count: register that counts what is in it, high byte first.
-        count_bytes, count_mask: bytes and bits of that register that count. An OBC's streams take two whole bytes; the
-            host reads any other FIFO itself, also over an OBC.
-        unit: bytes per count: 1, or the packet's bytes where packets are counted.
+        size: capacity in bytes.
+        packet: size of one packet in bytes.
+        count: register with the fill level, high byte first.
+        count_bytes, count_mask: size and mask of that register. An OBC's streams take two whole bytes; the host polls
+            any other FIFO itself, even over an OBC.
+        unit: bytes per count: 1, or the packet size where packets are counted.
         data: register from which packets are read.
-        lost: register that counts packets lost since they were flushed, two bytes; or one byte with a flag.
-        lost_order: which of the two comes first.
-        lost_flag: bits of one byte that say only that packets were lost since it was read, 0 where it counts. How many
-            they were follows from time; the host reads such a FIFO itself, also over an OBC.
+        lost: register of the number of packets lost since the last flush, two bytes; or one byte with a flag.
+        lost_order: byte order of that number.
+        lost_flag: mask of the flag of packets lost since the last read, 0 where the register is a counter. The number
+            lost then follows from time; the host polls such a FIFO itself, even over an OBC.
         lost_flag_stays: whether that flag stays until the FIFO is emptied, so that a stream ends at the first loss.
-        temperature: register of the temperature, two bytes, read once a block.
+        temperature: register of the temperature, two bytes, read once per block.
         temperature_on_other: whether that register is on the chip's other die.
-        prepare: settings for a watermark in packets, the FIFO still off.
+        prepare: settings for a watermark in packets, with the FIFO still off.
         flush: register and value that empty it.
-        fill: settings that let it fill, the oldest packets going where it is full; with the interrupt at the watermark
-            and without it.
+        fill: settings that start it in stream mode, dropping the oldest packets when full; with and without the
+            watermark interrupt.
         off: settings that switch interrupt and FIFO off.
-        decode: makes packets of whole packets' bytes.
+        decode: decodes the bytes of whole packets.
     """
 
     size: int
@@ -91,18 +91,18 @@ class Fifo:
 
     @property
     def capacity(self) -> int:
-        """Packets that it holds."""
+        """Capacity in packets."""
         return self.size // self.packet
 
     def watermark(self, rate: float) -> int:
-        """Return the packets of one block at a rate [Hz]: one second, or half of the FIFO.
+        """Return the number of packets per block at a rate [Hz]: one second's, or half of the FIFO.
 
-        The other half is time for a bus that is busy.
+        The other half is headroom for a busy bus.
         """
         return max(1, min(self.capacity // 2, round(rate * _FRAME_S)))
 
     def at_hand(self, registers: Registers) -> int:
-        """Return how many packets are in it."""
+        """Return the number of packets in the FIFO."""
         count = int.from_bytes(registers.block(self.count, self.count_bytes), "big") & self.count_mask
         return count * self.unit // self.packet
 
@@ -111,10 +111,10 @@ class Fifo:
         return ((registers.other if self.temperature_on_other else None) or registers).block(self.temperature, 2)
 
     def lost_by(self, registers: Registers) -> int:
-        """Return how many packets it has lost; with a flag alone, 1 where it has lost any since the last time.
+        """Return the number of packets lost; with only a flag, 1 if any were lost since the last read.
 
         Raises:
-            Garbled: it has lost some, and will never say anything else.
+            Garbled: packets were lost, and the flag stays set.
         """
         if self.lost_flag:
             lost = bool(registers.read(self.lost) & self.lost_flag)
@@ -128,7 +128,7 @@ class Fifo:
         return int.from_bytes(registers.block(self.lost, 2), self.lost_order)
 
     def begin(self, registers: Registers, *, interrupt: bool) -> None:
-        """Let it fill; the interrupt is on before the first packet."""
+        """Start filling; the interrupt is enabled before the first packet."""
         registers.put(self.fill(interrupt))
 
 
@@ -137,12 +137,12 @@ class Block:
     """One read of the FIFO.
 
     Attributes:
-        number: counted from 0; a number that is left out is a block that was lost.
+        number: counted from 0; a missing number is a lost block.
         at_s: device time in s at which the FIFO reached its watermark.
-        watermark: packets that had come into the FIFO since the block before, at that time.
-        temperature: two bytes of the temperature.
+        watermark: number of packets that had entered the FIFO since the previous block, at that time.
+        temperature: the two bytes of the temperature.
         packets: whole packets.
-        lost_counter: the sensor's counter of lost packets after them.
+        lost_counter: the sensor's counter of lost packets after this block.
     """
 
     number: int
@@ -154,30 +154,30 @@ class Block:
 
 
 class BlockSource(Protocol):
-    """Blocks of the FIFO as they come."""
+    """Source of FIFO blocks in order of arrival."""
 
     begun_s: float | None
     longest_pause: float
 
     def begin(self) -> None:
-        """Let the FIFO fill."""
+        """Start filling the FIFO."""
         ...
 
     def blocks(self) -> Iterator[Block]:
-        """Yield the blocks that have come; one that brings a fault raises when its turn comes."""
+        """Yield the blocks received; one with a fault raises when its turn comes."""
         ...
 
     def silent(self, what: str) -> DeviceFault:
-        """Return whose fault it is that a sensor, which is awake, gives no blocks; `what` says since when."""
+        """Return the fault of sensor or board when an awake sensor sends no blocks; `what` describes the silence."""
         ...
 
     def end(self) -> StreamReport:
-        """Take no more blocks, and return how it went; samples that the sensor lost are not in it."""
+        """Stop taking blocks, and return the statistics, without the samples that the sensor lost."""
         ...
 
 
 def source_of(registers: Registers, fifo: Fifo, clock: Clock, *, rate: float, line: int) -> BlockSource:
-    """Return the source of blocks at a rate [Hz]; `line` is the OBC's interrupt line, where there is an OBC."""
+    """Return the block source for a rate [Hz]; `line` is the OBC's interrupt line, where there is an OBC."""
     streaming = _streaming(registers.bus)
     if streaming is None or fifo.lost_flag or fifo.count_bytes != 2:
         return _PolledSource(registers, fifo, clock, rate)
@@ -185,12 +185,12 @@ def source_of(registers: Registers, fifo: Fifo, clock: Clock, *, rate: float, li
 
 
 def _streaming(bus: I2cBus) -> StreamingBus | None:
-    """Return the bus as one that runs transfers by itself, if it is one."""
+    """Return the bus as a streaming one, if it is one."""
     return cast("StreamingBus", bus) if hasattr(bus, "start_stream") else None
 
 
 class _BoardSource:
-    """Blocks that an OBC reads at every watermark interrupt of the sensor."""
+    """Blocks read by an OBC at every watermark interrupt of the sensor."""
 
     begun_s: float | None = None
 
@@ -205,7 +205,7 @@ class _BoardSource:
         self.longest_pause = min(_LONGEST_PAUSE_S, _MARGIN * _HOST_BUFFER_BYTES / frame * self._watermark / rate)
 
     def begin(self) -> None:
-        """Start the board's stream, then the FIFO and the interrupt: a line that is high already gives no trigger."""
+        """Start the board's stream, then FIFO and interrupt: a line that is already high would give no edge."""
         address, fifo = self._registers.address, self._fifo
         self._stream = self._bus.start_stream(
             (
@@ -218,7 +218,7 @@ class _BoardSource:
                     data_register=fifo.data,
                     most=_MOST_BYTES,
                 ),
-                # After the FIFO, which is empty then: what it counts was lost before these packets.
+                # Read after the FIFO, which is then empty: the packets counted were lost before these.
                 RegisterRead(address=address, register=fifo.lost, length=2),
             ),
             line=self._line,
@@ -226,17 +226,17 @@ class _BoardSource:
         fifo.begin(self._registers, interrupt=True)
 
     def blocks(self) -> Iterator[Block]:
-        """Yield the frames that have come.
+        """Yield the blocks of the frames received.
 
         Raises:
-            NoReply: of the sensor, where a transfer had no acknowledge.
-            DeviceFault: of the OBC.
+            NoReply: fault of the sensor: a transfer was not acknowledged.
+            DeviceFault: fault of the OBC.
         """
         for frame in self._stream.frames() if self._stream else ():
             yield self._block(frame)
 
     def silent(self, what: str) -> DeviceFault:
-        """Return the sensor's fault where its FIFO fills, for no interrupt comes; the board's where it is emptied."""
+        """Return the sensor's fault if its FIFO is filling without an interrupt; the board's if it is being emptied."""
         if self._fifo.at_hand(self._registers) >= self._watermark:
             return NoReply(
                 self._registers.device,
@@ -281,10 +281,10 @@ class _BoardSource:
 
 
 class _PolledSource:
-    """Blocks that the host reads itself; device time is the bench's clock.
+    """Blocks polled by the host; device time is bench time.
 
-    When the newest sample came is known within one period only. Its time advances at the nominal rate, and is moved as
-    little as that takes where the sensor's own oscillator is faster or slower.
+    The arrival of the newest sample is known only to within one sampling period. Sample times advance at the nominal
+    rate, and are shifted just enough to follow the sensor's oscillator.
     """
 
     begun_s: float | None = 0.0
@@ -296,25 +296,25 @@ class _PolledSource:
         self._clock = clock
         self._began = 0.0
         self._newest = 0.0
-        self._behind = 0  # packets of the last block that came after its instant
+        self._behind = 0  # packets of the last block that came after its nominal instant
         self._lost_counter = 0
         self._number = 0
         self._was_full = False
         self.longest_pause = min(_LONGEST_PAUSE_S, _filling(registers, fifo.capacity * self._period))
 
     def begin(self) -> None:
-        """Let the FIFO fill; device time is zero now."""
+        """Start filling the FIFO; device time starts at 0."""
         lost = self._fifo.lost_by(self._registers)
         self._lost_counter = 0 if self._fifo.lost_flag else lost
         self._fifo.begin(self._registers, interrupt=False)
         self._began = self._clock.now()
 
     def blocks(self) -> Iterator[Block]:
-        """Yield what is in the FIFO, if anything is.
+        """Yield one block of the FIFO's content, if there is any.
 
         Raises:
-            NoReply: of the sensor, where it does not acknowledge.
-            Garbled: it counts what it cannot hold.
+            NoReply: the sensor does not acknowledge.
+            Garbled: the fill level exceeds the FIFO's capacity.
         """
         registers, fifo = self._registers, self._fifo
         count = fifo.at_hand(registers)
@@ -327,7 +327,7 @@ class _PolledSource:
                 f"its FIFO of {fifo.capacity} packets tells of {count}",
                 "check its power and its wires, and what else is at its address",
             )
-        # What a full FIFO drops while it is read came before these packets, and as many newer ones take its place.
+        # Packets that a full FIFO drops while being read precede these, and as many newer ones take their place.
         full, self._was_full = self._was_full or count >= fifo.capacity - 1, count >= fifo.capacity - 1
         lost = self._lost(count, counted) if full else self._lost_counter
         came = count + max(0, lost - self._lost_counter)
@@ -347,7 +347,7 @@ class _PolledSource:
         self._number += 1
 
     def _lost(self, count: int, counted: float) -> int:
-        """Return how many packets were lost since the beginning; `count` are in the FIFO at the time `counted`."""
+        """Return the number of packets lost since the start; `count` are in the FIFO at the time `counted`."""
         lost = self._fifo.lost_by(self._registers)
         if not self._fifo.lost_flag:
             return lost
@@ -361,11 +361,11 @@ class _PolledSource:
         )
 
     def end(self) -> StreamReport:
-        """Count blocks; between them nothing can be lost."""
+        """Return the statistics; no block can be lost between sensor and host."""
         return StreamReport(frames=self._number, lost=0, drift=None, drift_uncertainty=None)
 
 
 def _filling(registers: Registers, whole_s: float) -> float:
-    """Return how long a FIFO that is full in `whole_s` may fill until the host reads it [s]."""
+    """Return how long the host may let a FIFO fill that is full after `whole_s` [s]."""
     wanted = min(_FULL * whole_s, whole_s - _LEFT_S) if registers.sparing else 0.0
     return max(_MARGIN * whole_s, wanted)

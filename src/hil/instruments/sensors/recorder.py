@@ -1,4 +1,4 @@
-"""A sensor that samples by itself: blocks of its FIFO become rows with device time."""
+"""Streaming sensors: FIFO blocks become rows with device time."""
 
 from __future__ import annotations
 
@@ -27,26 +27,26 @@ __all__ = ["FifoSensor", "Recorder", "Stream", "StreamingSensor"]
 
 _SILENT_FRAMES = 3
 _MARGIN_S = 0.1
-_FASTER = 1.5  # than it should be; no oscillator is
+_FASTER = 1.5  # relative to the nominal rate; no oscillator is this fast
 
 
 @dataclass(frozen=True, slots=True)
 class _Readings:
-    """The samples of one block, until their times are known."""
+    """The samples of one block whose times are not known yet."""
 
     packets: Packets
     temperature: float
 
 
 class Recorder:
-    """One stream of a sensor that has been started.
+    """One stream of a started sensor.
 
     Args:
-        registers: the sensor.
-        fifo: of its chip.
-        sampling: how it samples.
+        registers: the sensor's registers.
+        fifo: the chip's FIFO.
+        sampling: the sampling configuration.
         clock: the bench's clock.
-        named: raises where the sensor has forgotten its name; asked by a host that reads the FIFO itself.
+        named: raises if the sensor's ID reads wrong; called where the host polls the FIFO.
     """
 
     def __init__(
@@ -70,11 +70,11 @@ class Recorder:
         self._lost_samples = 0
 
     def begin(self) -> None:
-        """Empty the FIFO and let it fill.
+        """Empty the FIFO and start filling it.
 
         Raises:
-            Rejected: a setting reads back otherwise, or the OBC cannot run the stream.
-            DeviceFault: of the sensor or the OBC.
+            Rejected: a setting reads back differently, or the OBC cannot run the stream.
+            DeviceFault: fault of the sensor or the OBC.
         """
         self._prepare()
         try:
@@ -86,10 +86,10 @@ class Recorder:
         self._heard = self._clock.now()
 
     def drain(self) -> NDArray[np.float64]:
-        """Return what has come, shape (n, 2 + axes): time in s, axes, temperature in degC.
+        """Return the rows received since the last call, shape (n, 2 + axes): time in s, axes, temperature in degC.
 
         Raises:
-            DeviceFault: no more will come; what came before it has been returned.
+            DeviceFault: the stream is over; earlier rows have been returned.
         """
         if self._fault:
             raise self._fault
@@ -97,10 +97,10 @@ class Recorder:
         try:
             for block in self._source.blocks():
                 rows.extend(self._rows(block))
-            self._must_go_on()
+            self._must_not_be_silent()
             if (
                 self._source.begun_s is not None
-            ):  # a board's frames have check sums, and packets that it reads have heads
+            ):  # a board's frames have checksums, and packets that it reads have headers
                 self._named()
         except DeviceFault as fault:
             if not rows:
@@ -109,7 +109,7 @@ class Recorder:
         return np.concatenate(rows) if rows else self._table(np.empty(0), _Readings(self._fifo.decode(b""), 0.0))
 
     def end(self) -> StreamReport:
-        """Stop the stream, switch the FIFO off, and return how it went."""
+        """Stop the stream, switch the FIFO off, and return the statistics."""
         report = self._source.end()
         self._registers.set(self._fifo.off)
         return replace(report, lost_samples=self._lost_samples)
@@ -141,10 +141,10 @@ class Recorder:
         return np.column_stack((times, axes, temperature))[readings.packets.usable]
 
     def _count_lost(self, block: Block) -> int:
-        """Return how many packets were lost since the last block; a counter that went back started again.
+        """Return the number of packets lost since the last block; a counter that went back was restarted.
 
         Raises:
-            Garbled: more than can have come in that time, so that the counter is none of the sensor's.
+            Garbled: more than can have come in that time, so the counter cannot be the sensor's.
         """
         before, counter = self._lost_counter, block.lost_counter
         lost = counter - before if counter >= before else counter
@@ -169,13 +169,13 @@ class Recorder:
                 "check the sensor's wires and what else reads its FIFO",
             )
 
-    def _must_go_on(self) -> None:
-        """Find out why no samples come, where none did for three blocks' time."""
+    def _must_not_be_silent(self) -> None:
+        """Raise the cause of silence once no samples came for the duration of three blocks."""
         quiet = self._clock.now() - self._heard
         if quiet <= _SILENT_FRAMES * self._watermark * self._sampling.period + _MARGIN_S:
             return
         what = f"no samples for {quiet:.2f} s"
-        # A link that is silent fails here, and is the fault of its own device.
+        # A silent link fails here, as the fault of its own device.
         if any(self._registers.read(register) != value for register, value in self._sampling.awake.items()):
             raise NoReply(
                 self._registers.device, f"{what}: it has lost its settings", "check its power, and start it again"
@@ -184,48 +184,48 @@ class Recorder:
 
 
 class Stream(Protocol):
-    """What a sensor that samples by itself gives block by block."""
+    """Interface of a running stream of samples."""
 
     longest_pause: float
 
     def begin(self) -> None:
-        """Let samples come."""
+        """Start the stream."""
         ...
 
     def drain(self) -> NDArray[np.float64]:
-        """Return what has come, shape (n, 2 + axes): time in s, axes, temperature in degC."""
+        """Return the rows received since the last call, shape (n, 2 + axes): time in s, axes, temperature in degC."""
         ...
 
     def end(self) -> StreamReport:
-        """Let no more come, and return how it went."""
+        """Stop the stream, and return the statistics."""
         ...
 
 
 class StreamingSensor(Axes):
-    """A sensor whose samples can also come in blocks, see `hil.instruments.sampled.Streamed`."""
+    """A sensor that can also stream its samples, see `hil.instruments.sampled.Streamed`."""
 
     _stream: Stream | None = None
 
     @drives
     def start(self) -> None:
-        """End a stream that runs, and start; see `Sensor.start`."""
+        """End any running stream, and start; see `Sensor.start`."""
         self._abandon()
         super().start()
 
     @drives
     def stop(self) -> None:
-        """Put the sensor to sleep and read that back; a stream that runs is ended."""
+        """End any running stream, put the sensor to sleep, and read that back."""
         self._abandon()
         super().stop()
 
     def begin(self, rate: float) -> None:
-        """Let samples come at a rate [Hz]; device time counts from when they begin.
+        """Start to stream at a rate [Hz]; device time counts from the first sample.
 
-        Over an OBC this is up to one period of samples later than the call. See `hil.instruments.sampled.Streamed`.
+        Over an OBC this is up to one sampling period later than the call. See `hil.instruments.sampled.Streamed`.
 
         Raises:
-            Refused: not started, streaming already, or not at that rate.
-            Rejected: a setting reads back otherwise, or the OBC cannot run the stream.
+            Refused: not started, already streaming, or the rate is not available.
+            Rejected: a setting reads back differently, or the OBC cannot run the stream.
         """
         self._require_running()
         if self._stream:
@@ -237,32 +237,32 @@ class StreamingSensor(Axes):
     def drain(self) -> NDArray[np.float64]:
         """Return the samples since the last call, shape (n, 2 + axes): device time in s, axes, temperature in degC.
 
-        A sample that was lost leaves its place in time empty.
+        A lost sample leaves a gap in time.
 
         Raises:
-            NoReply: of the sensor: no acknowledge, no samples for three blocks' time, or it stands still.
-            Garbled: most packets of a block are not the sensor's.
-            DeviceFault: of the OBC, where the link fails.
+            NoReply: fault of the sensor: no acknowledge, no samples for the duration of three blocks, or frozen values.
+            Garbled: most packets of a block are invalid.
+            DeviceFault: fault of the OBC: the link failed.
         """
         return self._streaming().drain()
 
     def end(self) -> StreamReport:
-        """Stop the stream, and return how it went."""
+        """Stop the stream, and return its statistics."""
         stream = self._streaming()
         self._stream = None
         return stream.end()
 
     @property
     def longest_pause(self) -> float:
-        """Seconds after which a buffer on the way overflows, with a margin; 0 while nothing streams."""
+        """Seconds until a buffer in the path overflows, with a margin; 0 while nothing is streaming."""
         return self._stream.longest_pause if self._stream else 0.0
 
     @abstractmethod
     def _stream_at(self, rate: float) -> Stream:
-        """Return a stream at a rate [Hz], not yet begun; Refused for one that the sensor cannot have."""
+        """Return a stream at a rate [Hz], not yet started; Refused for an unavailable rate."""
 
     def _abandon(self) -> None:
-        """End a stream, as far as it can be ended."""
+        """End any running stream, ignoring its faults."""
         self._running = False
         stream, self._stream = self._stream, None
         if stream:
@@ -276,9 +276,9 @@ class StreamingSensor(Axes):
 
 
 class FifoSensor(StreamingSensor):
-    """A sensor that can also sample into its FIFO; the temperature is read once a block.
+    """A sensor that streams through its FIFO; the temperature is read once per block.
 
-    Its chip's class names `fifo` beside what `Axes` asks for.
+    The chip's class defines `fifo` in addition to what `Axes` requires.
     """
 
     fifo: ClassVar[Fifo]
@@ -289,4 +289,4 @@ class FifoSensor(StreamingSensor):
                 f"{self._device} runs at {self._sampling.rate:g} Hz, not at {rate:g} Hz",
                 "record at that rate, or set `rate` in the wiring",
             )
-        return Recorder(self._registers, self.fifo, self._sampling, self._clock, self._require_same_name)
+        return Recorder(self._registers, self.fifo, self._sampling, self._clock, self._recheck_id)

@@ -1,4 +1,4 @@
-"""A sensor's registers over any I2C bus."""
+"""Register access to a sensor over any I2C bus."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ _T = TypeVar("_T")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Banks:
-    """How a chip selects one of several sets of registers.
+    """Register banks of a chip.
 
     Attributes:
-        register: selects the bank; it is in every bank.
-        shift: place of the bank's number in that register.
-        most: the highest bank.
+        register: the bank-select register, present in every bank.
+        shift: bit position of the bank number in that register.
+        most: highest bank number.
     """
 
     register: int
@@ -34,20 +34,20 @@ class Banks:
 
 
 class Registers:
-    """One sensor's registers; a missing acknowledge is NoReply of the sensor, whatever drives the bus.
+    """One sensor's registers; a missing acknowledge is the sensor's NoReply, whatever drives the bus.
 
-    A register's number has its bank above the low byte: 0x201 is register 0x01 of bank 2. The bank is selected when it
-    differs from the last one; after a reset of the chip, `bank_lost` says so.
+    The bank is in the high byte of a register number: 0x201 is register 0x01 of bank 2. The bank is selected when it
+    changes; after a reset of the chip, `bank_lost` restores it.
 
     Args:
         device: the sensor's name, for messages.
         bus: its bus.
         address: its 7-bit address.
-        increment: bits that the chip wants in a register's number to continue at the next one within a transfer.
-        width: bytes of one register.
-        order: which byte of a number comes first on the bus.
-        banks: how a bank is selected; None for a chip without banks.
-        sparing: whether the chip is read in as few transfers as do, each of which costs time; see `Connection`.
+        increment: bits to set in a register number for auto-increment within a transfer.
+        width: size of a register in bytes.
+        order: byte order on the bus.
+        banks: the chip's banks; None for a chip without.
+        sparing: whether the chip is read in as few transfers as possible, as each costs time; see `Connection`.
 
     Attributes:
         other: the registers of the chip's other die, None where it has one die.
@@ -77,7 +77,7 @@ class Registers:
         self.other: Registers | None = None
 
     def read(self, register: int) -> int:
-        """Return one register as a number without a sign."""
+        """Read one register as an unsigned number."""
         number = self._selected(register)
         if self._width == 1:
             return self._heard(lambda: self.bus.read_byte_data(self.address, number))
@@ -93,12 +93,12 @@ class Registers:
             self._heard(lambda: self.bus.write_i2c_block_data(self.address, number, data))
 
     def block(self, register: int, count: int) -> bytes:
-        """Return up to 32 bytes from a register on, in one transfer."""
+        """Read up to 32 bytes starting at a register, in one transfer."""
         number = self._selected(register) | self._increment
         return self._whole(self._heard(lambda: self.bus.read_i2c_block_data(self.address, number, count)), count)
 
     def long(self, register: int, count: int) -> bytes:
-        """Return any number of bytes from a register on, in one transfer with a repeated start."""
+        """Read any number of bytes starting at a register, in one transfer with a repeated start."""
         from smbus2 import i2c_msg  # noqa: PLC0415  # only hosts with an I2C bus of their own need it
 
         number = self._selected(register) | self._increment
@@ -107,12 +107,12 @@ class Registers:
         return self._whole(bytes(take), count)
 
     def set(self, values: Mapping[int, int]) -> None:
-        """Write registers in their order."""
+        """Write registers in the order given."""
         for register, value in values.items():
             self.write(register, value)
 
     def put(self, values: Mapping[int, int]) -> None:
-        """Write registers in their order, then read them back; see `expect`."""
+        """Write registers in the order given, then read them back; see `expect`."""
         self.set(values)
         self.expect(values)
 
@@ -120,7 +120,7 @@ class Registers:
         """Read settings back, one by one.
 
         Raises:
-            Rejected: one reads otherwise; the message names the first.
+            Rejected: one differs; the message names the first.
         """
         for register, value in values.items():
             found = self.read(register)
@@ -129,10 +129,10 @@ class Registers:
                 raise Rejected(self.device, f"{name} was set to {value:#04x} and reads back {found:#04x}", _REJECTED)
 
     def expect_block(self, register: int, wanted: bytes) -> None:
-        """Read settings of registers in a row back, in one transfer.
+        """Read the settings of consecutive registers back in one transfer.
 
         Raises:
-            Rejected: they read otherwise.
+            Rejected: they differ.
         """
         found = self.block(register, len(wanted))
         if found != wanted:
@@ -143,7 +143,7 @@ class Registers:
             )
 
     def bank_lost(self) -> bool:
-        """Select the first bank again where the chip has another one selected, and return whether it had."""
+        """Select the first bank if the chip has another one selected, and return whether it had."""
         self._bank = 0
         if self._banks is None:
             return False
@@ -154,7 +154,7 @@ class Registers:
         return True
 
     def _selected(self, register: int) -> int:
-        """Select the register's bank, and return its number in there."""
+        """Select the register's bank, and return the register's number within it."""
         bank, number = divmod(int(register), _BANK)
         if self._banks and bank != self._bank and number != self._banks.register:
             value = bank << self._banks.shift

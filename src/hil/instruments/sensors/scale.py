@@ -1,4 +1,4 @@
-"""How counts become quantities, and which counts are none."""
+"""Conversion of counts to quantities, with saturated and invalid counts as NaN."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ _NONE = 2**31
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scale:
-    """The line of a data sheet: `zero + counts / per_unit * factor`.
+    """Linear scale of a data sheet: `zero + counts / per_unit * factor`.
 
-    A number is NaN, which no check passes, where its counts are at a rail or beyond the full scale: what is measured is
-    then larger by an unknown amount. So is one whose counts stand for "no sample".
+    A reading at a rail or beyond full scale is NaN, which no check passes: the measured quantity then exceeds it by an
+    unknown amount. So is one whose counts stand for "no sample".
 
     Attributes:
         per_unit: counts per unit of the data sheet.
         zero: the quantity at 0 counts.
-        factor: what a unit of the data sheet is in the unit of the quantity, such as 100 uT for a gauss.
-        full_scale: the largest magnitude of the range, in the unit of the data sheet.
-        rails: counts at which, and beyond which, there is no number.
+        factor: the data sheet's unit in the quantity's unit, such as 100 for gauss to uT.
+        full_scale: largest magnitude of the range, in the data sheet's unit.
+        rails: lower and upper counts at and beyond which a reading is NaN.
     """
 
     per_unit: float
@@ -36,11 +36,11 @@ class Scale:
 
     @property
     def resolution(self) -> float:
-        """What one count is."""
+        """The quantity of one count."""
         return self.factor / self.per_unit
 
     def usable(self, counts: int) -> bool:
-        """Return whether these counts are between the rails."""
+        """Return whether counts are between the rails."""
         return self.rails[0] < counts < self.rails[1]
 
     def number(self, counts: int) -> float:
@@ -51,7 +51,7 @@ class Scale:
         return self.zero + units * self.factor
 
     def numbers(self, counts: NDArray[np.int16]) -> NDArray[np.float64]:
-        """Return the quantities of many readings, any shape."""
+        """Return the quantities of an array of readings of any shape."""
         units = counts / self.per_unit
         least, most = self.rails
         none = (counts <= least) | (counts >= most)

@@ -1,4 +1,4 @@
-"""A sensor and its driver: a chip's class says what its data sheet says, and what is peculiar to it."""
+"""Base classes of sensors and their drivers; a chip's class adds its data sheet and its peculiarities."""
 
 from __future__ import annotations
 
@@ -22,25 +22,25 @@ __all__ = ["Chip", "DieThermometer", "Sensor", "SensorDriver"]
 
 _MARGIN_S = 0.1
 _POLLS_PER_SAMPLE = 8
-_NAMED_S = 2.0  # between the questions for its name that tell a bus which changes bits: no check sum does
+_NAMED_S = 2.0  # interval of the ID checks that detect corrupted bits on the bus, which has no checksum
 _RESTART = "check the sensor's power; after a power cut it has to be started again"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Chip:
-    """What identifies a chip, and how its registers are reached.
+    """Identity of a chip, and access to its registers.
 
     Attributes:
-        model: its name, as on the data sheet.
+        model: its name in the data sheet.
         driver: the driver's name in bench files.
         role: the role that it fills.
-        identity: the register that names the type, and what it holds.
-        identity_name: that register's name on the data sheet.
-        identity_mask: bits of that register that name the type.
-        strap: the pin that sets the address, empty where it cannot be chosen.
-        addresses: those that can be strapped, the usual one first; none where that is not known.
+        identity: the ID register and its expected content.
+        identity_name: that register's name in the data sheet.
+        identity_mask: mask of the bits that identify the type.
+        strap: the pin that selects the address, empty where the address is fixed.
+        addresses: the selectable addresses, the usual one first; empty where unknown.
         second: whether its registers are at the instrument's second address, as those of a second die are.
-        hidden: whether nobody answers there until the first die has been set up.
+        hidden: whether the chip answers only once the first die has been configured.
         increment, width, order, banks: see `Registers`.
     """
 
@@ -78,23 +78,23 @@ class Chip:
         )
 
     def name_of(self, registers: Registers) -> int:
-        """Return what the chip at these registers calls its type."""
+        """Read the chip's type from its ID register."""
         return registers.read(self.identity[0]) & self.identity_mask
 
 
 class Sensor(ABC):
-    """One sensor, set as its wire says. A chip's class defines `_wake`, `_sleep` and `_sample`.
+    """One sensor with its wire's settings. A chip's class defines `_wake`, `_sleep` and `_sample`.
 
     Attributes:
         chip: the die that it is on.
         measures: the channels of a sample.
-        names_asked: whether it is asked for its name between samples.
-        beside: every sensor of the same chip that is wired, by role, itself included.
+        names_asked: whether its ID is re-read between samples.
+        beside: every wired sensor of the same chip, by role, itself included.
 
     Args:
-        registers: of the chip.
+        registers: the chip's registers.
         clock: the bench's clock.
-        wire: whose settings it reads.
+        wire: the wire with the settings.
     """
 
     chip: ClassVar[Chip]
@@ -112,11 +112,11 @@ class Sensor(ABC):
 
     @drives
     def start(self) -> None:
-        """Set the sensor as the wiring says, read the settings back, and wait for its first valid sample.
+        """Apply the wiring's settings, read them back, and wait for the first valid sample.
 
         Raises:
             WrongIdentity: another device answers at this address.
-            Rejected: a setting reads back otherwise.
+            Rejected: a setting reads back differently.
             NoReply: no acknowledge, or no valid sample in time.
         """
         self._running = False
@@ -131,26 +131,26 @@ class Sensor(ABC):
         self._sleep()
 
     def channels(self) -> tuple[Channel, ...]:
-        """Return what a sample consists of."""
+        """Return the channels of a sample."""
         return self.measures
 
     @reads
     def sample(self) -> tuple[float, ...]:
-        """Return a sample, NaN for a channel at its rail, beyond its range, or marked invalid.
+        """Return a sample; NaN for a channel at a rail, beyond its range, or marked invalid.
 
         Raises:
-            NoReply: no acknowledge, no sample, or the same sample again and again.
-            Garbled: what was read cannot be.
+            NoReply: no acknowledge, no new sample, or the same sample repeatedly.
+            Garbled: the reading is impossible.
         """
         self._require_running()
         began = self._clock.now()
         sample = self._sample()
         pause, before, self._sampled = began - self._sampled, self._pause, began
         self._pause = pause
-        if pause > 2.0 * before:  # the first of a row, which is not to come later than the others
+        if pause > 2.0 * before:  # first of a series, which must not lag more than the others
             self._named = began
         else:
-            self._require_same_name()
+            self._recheck_id()
         return sample
 
     @reads
@@ -158,7 +158,7 @@ class Sensor(ABC):
         """Return the temperature of the next sample in degC.
 
         Raises:
-            Refused: the chip does not measure it.
+            Refused: the chip does not measure temperature.
             NoReply, Garbled: see `sample`.
         """
         for place, channel in enumerate(self.measures):
@@ -168,12 +168,12 @@ class Sensor(ABC):
 
     @property
     def running(self) -> bool:
-        """Whether it was started, and not stopped since."""
+        """Whether it has been started, and not stopped since."""
         return self._running
 
     @abstractmethod
     def _wake(self) -> None:
-        """Set everything from a known state, read it back, and wait for the first valid sample."""
+        """Configure everything from a known state, read it back, and wait for the first valid sample."""
 
     @abstractmethod
     def _sleep(self) -> None:
@@ -181,17 +181,17 @@ class Sensor(ABC):
 
     @abstractmethod
     def _sample(self) -> tuple[float, ...]:
-        """Return one sample of a sensor that was started."""
+        """Return one sample of a started sensor."""
 
     def _others_run(self) -> bool:
-        """Return whether another sensor of the chip runs, on either die."""
+        """Return whether another sensor of the chip is running, on either die."""
         return any(each.running for each in self.beside.values() if each is not self)
 
     def _identify(self) -> None:
-        self._require_name(self._registers, self.chip)
+        self._require_id(self._registers, self.chip)
 
-    def _require_same_name(self) -> None:
-        """Every two seconds, refuse a bus that changes bits: samples may be numbers like any others, a name is not."""
+    def _recheck_id(self) -> None:
+        """Check the ID every two seconds: corrupted bits are obvious in an ID, but not in a sample."""
         if not self.names_asked or self._clock.now() - self._named < _NAMED_S:
             return
         name, known = self.chip.name_of(self._registers), self.chip.identity[1]
@@ -203,8 +203,8 @@ class Sensor(ABC):
             )
         self._named = self._clock.now()
 
-    def _require_name(self, registers: Registers, chip: Chip) -> None:
-        """Refuse a die that calls itself something else; one that was left in another bank is asked again."""
+    def _require_id(self, registers: Registers, chip: Chip) -> None:
+        """Refuse a die with another ID; one that was left in another bank is read a second time."""
         name, known = chip.name_of(registers), chip.identity[1]
         if name != known and registers.bank_lost():
             name = chip.name_of(registers)
@@ -216,7 +216,7 @@ class Sensor(ABC):
             )
 
     def _wait_for(self, ready: Callable[[], bool], longest: float, poll: float, fault: tuple[str, str]) -> None:
-        """Ask until it is ready, every `poll` seconds; NoReply with this text and hint after `longest`."""
+        """Poll every `poll` seconds until `ready`; NoReply with this text and hint after `longest` seconds."""
         deadline = self._clock.now() + longest
         while not ready():
             if self._clock.now() >= deadline:
@@ -224,7 +224,7 @@ class Sensor(ABC):
             self._clock.sleep(poll)
 
     def _await_new(self, is_new: Callable[[], bool], rate: float) -> None:
-        """Wait for a sample that was not read yet, at a rate in Hz: two periods and a margin, NoReply after that."""
+        """Wait for a new sample, for two sampling periods at `rate` [Hz] and a margin; NoReply after that."""
         longest = 2.0 / rate + _MARGIN_S
         fault = (f"no new sample within {longest:.3g} s at {rate:g} Hz", _RESTART)
         self._wait_for(is_new, longest, 1.0 / (rate * _POLLS_PER_SAMPLE), fault)
@@ -235,10 +235,10 @@ class Sensor(ABC):
 
 
 class DieThermometer:
-    """The temperature of a chip that is there for something else; fills the role `thermometer`.
+    """The die temperature of another sensor's chip; fills the role `thermometer`.
 
     Args:
-        sensor: returns the chip, as its own role sets it; where it is wired as a thermometer alone, as this wire does.
+        sensor: returns the sensor, with its own role's settings, or this wire's if it is wired only as a thermometer.
     """
 
     def __init__(self, sensor: Callable[[], Sensor]) -> None:
@@ -246,40 +246,40 @@ class DieThermometer:
 
     @drives
     def start(self) -> None:
-        """Start the sensor, unless it runs."""
+        """Start the sensor, unless it is running."""
         if not self._sensor().running:
             self._sensor().start()
 
     @drives
     def stop(self) -> None:
-        """Put the sensor to sleep, whoever started it."""
+        """Put the sensor to sleep, even if another role started it."""
         self._sensor().stop()
 
     @reads
     def temperature(self) -> Figure:
-        """Return the temperature of the chip in degC."""
+        """Return the die temperature in degC."""
         return self._sensor().temperature()
 
     def channels(self) -> tuple[Channel, ...]:
-        """Return the temperature."""
+        """Return the temperature channel."""
         return (Channel("temperature", "degC"),)
 
     @reads
     def sample(self) -> tuple[float, ...]:
-        """Return the temperature of the chip."""
+        """Return a sample of the die temperature in degC."""
         return (self.temperature().value,)
 
 
 class SensorDriver:
-    """A driver for one chip, which fills a role with each of its sensors; and `thermometer`, where `roles` says so.
+    """Base driver of one chip: each of its sensors fills a role, and its die `thermometer` where `roles` says so.
 
-    Sensors on one die share its registers. A chip of two dies has two addresses: that of the second one is the bench
-    file's `second_address`, or the usual one; the registers of each die know those of the other.
+    Sensors on one die share its registers. A chip of two dies has two addresses: the second die's is the bench file's
+    `second_address`, or the usual one; the registers of each die refer to the other's.
 
     Attributes:
-        roles: every role that it fills.
-        sensor: the class of the first sensor.
-        others: the classes of the others, each with a role of its own.
+        roles: the roles that it fills.
+        sensor: class of the first sensor.
+        others: classes of the other sensors, each with its own role.
     """
 
     roles: ClassVar[frozenset[str]]
@@ -297,11 +297,11 @@ class SensorDriver:
 
     @classmethod
     def straps(cls) -> tuple[Strap, ...]:
-        """Return how each die's address is chosen, the first die's first."""
+        """Return how each die's address is selected, the first die's first."""
         return tuple(Strap(chip.strap, chip.addresses) for chip in cls._chips())
 
     def identify(self) -> Identity:
-        """Read the register that names the type, of every die that answers yet; nothing names the article."""
+        """Read the ID register of every die that already answers; there is no serial number."""
         for chip in self._chips():
             name = 0 if chip.hidden else chip.name_of(self._dies[chip.second])
             if not chip.hidden and name != chip.identity[1]:
@@ -309,11 +309,11 @@ class SensorDriver:
         return Identity(model=self.sensor.chip.model)
 
     def outlets(self) -> Sequence[Outlet]:
-        """Return nothing: a sensor has no outputs."""
+        """Return an empty list: a sensor has no outputs."""
         return ()
 
     def role(self, wire: Wire) -> Sensor | DieThermometer:
-        """Return the sensor of that role, set as the wire says; or the chip's temperature."""
+        """Return the sensor of the wire's role with its settings, or the chip's thermometer."""
         settings.fits(wire, self.sensor.chip.driver, self.roles)
         kinds = {kind.chip.role: kind for kind in (self.sensor, *self.others)}
         kind = kinds.get(wire.role, self.sensor)
@@ -326,12 +326,12 @@ class SensorDriver:
         return sensor if wire.role in kinds else DieThermometer(lambda: self._measuring(kinds, sensor))
 
     def _measuring(self, roles: Iterable[str], alone: Sensor) -> Sensor:
-        """Return the sensor that a thermometer reads: one that runs, else the first that is wired, else its own."""
+        """Return the sensor that a thermometer reads: a running one, else the first wired one, else its own."""
         wired = [self._sensors[role] for role in roles if role in self._sensors]
         return next((sensor for sensor in wired if sensor.running), wired[0] if wired else alone)
 
     @classmethod
     def _chips(cls) -> tuple[Chip, ...]:
-        """Return one chip's data sheet for each die, the first die's first."""
+        """Return the `Chip` of each die, the first die's first."""
         dies = {kind.chip.second: kind.chip for kind in (*cls.others, cls.sensor)}
         return tuple(dies[second] for second in sorted(dies))

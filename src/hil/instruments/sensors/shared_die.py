@@ -1,4 +1,4 @@
-"""A sensor that shares its die with others: the first that starts resets the die, the last that stops lets it sleep."""
+"""Sensors sharing a die: the first to start resets it, the last to stop puts it to sleep."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ __all__ = ["SharedDie"]
 
 
 class SharedDie(Axes):
-    """One of several sensors on a die, of which a sample is one that was not read yet.
+    """One of several sensors on a die; each sample is a new one.
 
     Attributes:
-        reset: register and value that reset the die, and seconds until that is over.
-        fresh: register and bits that say, all of them, that there is a new sample.
+        reset: register and value that reset the die, and the duration of the reset in s.
+        fresh: data-ready register and the bits that must all be set.
     """
 
     reset: ClassVar[tuple[int, int, float]]
     fresh: ClassVar[tuple[int, int]]
 
     def _reset_alone(self) -> None:
-        """Reset the die, unless another sensor of the chip runs."""
+        """Reset the die, unless another sensor of the chip is running."""
         register, value, seconds = self.reset
         if not self._others_run():
             self._registers.write(register, value)

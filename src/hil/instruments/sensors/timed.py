@@ -1,4 +1,4 @@
-"""A sensor without a FIFO on the bus of an OBC: the board's timer reads it, and its frames become rows."""
+"""Streaming of a sensor without a FIFO: an OBC's timer polls it, and the frames become rows."""
 
 from __future__ import annotations
 
@@ -31,15 +31,15 @@ _SILENT_S = 2.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outputs:
-    """Registers in a row that are read in one transfer.
+    """Consecutive registers read in one transfer.
 
     Attributes:
         first: the first register.
-        length: bytes.
-        axes: place of three numbers of two bytes, the low one first.
-        temperature: place of the temperature, one byte.
-        steady: places of what stays as it is while the sensor measures: status, mode.
-        judge: raises what is wrong with such bytes.
+        length: number of bytes.
+        axes: offset of three 16-bit numbers, low byte first.
+        temperature: offset of the one-byte temperature.
+        steady: offsets of the bytes that are constant while the sensor measures: status, mode.
+        judge: raises the fault that such bytes show.
     """
 
     first: int
@@ -51,15 +51,15 @@ class Outputs:
 
 
 class _TimedStream:
-    """One stream of a board's timer. See `hil.instruments.sensors.recorder.Stream`.
+    """Stream of samples polled by a board's timer. See `hil.instruments.sensors.recorder.Stream`.
 
     Args:
-        registers: the sensor.
-        outputs: what is read at every turn.
-        sampling: how it samples.
+        registers: the sensor's registers.
+        outputs: the registers read at every tick.
+        sampling: the sampling configuration.
         clock: the bench's clock.
-        rate: turns per second.
-        patience: over how many samples its noise is one and the same, see `Stillness`.
+        rate: timer ticks per second.
+        patience: correlation length of the noise in samples, see `Stillness`.
     """
 
     def __init__(
@@ -68,7 +68,7 @@ class _TimedStream:
         self._registers, self._outputs, self._sampling, self._clock = registers, outputs, sampling, clock
         self._bus = cast("StreamingBus", registers.bus)
         self._period = 1.0 / rate
-        self._every = max(1, round(sampling.period * rate + 0.49))  # turns from one sample to the next
+        self._every = max(1, round(sampling.period * rate + 0.49))  # ticks from one sample to the next
         self._stillness = Stillness(registers.device, sampling.axes, sampling.noise, patience)
         self._stream: BusStream | None = None
         self._origin: float | None = None
@@ -80,20 +80,20 @@ class _TimedStream:
         self.longest_pause = min(longest, _MARGIN * buffered * self._period)
 
     def begin(self) -> None:
-        """Let the board read the sensor at every tick of its timer; the first is one period later."""
+        """Start the board's timer, which reads the sensor at every tick; the first comes one period later."""
         outputs = self._outputs
-        outputs.judge(self._registers.long(outputs.first, outputs.length))  # which selects its page, too
+        outputs.judge(self._registers.long(outputs.first, outputs.length))  # which also selects its page
         read = RegisterRead(address=self._registers.address, register=outputs.first, length=outputs.length)
         self._stream = self._bus.start_stream((read,), period_s=self._period)
         self._heard = self._clock.now()
 
     def drain(self) -> NDArray[np.float64]:
-        """Return what has come, shape (n, 5): time in s, axes, temperature in degC."""
+        """Return the rows received since the last call, shape (n, 5): time in s, axes, temperature in degC."""
         if self._fault:
             raise self._fault
         frames = list(self._stream.frames()) if self._stream else []
         if not frames:
-            self._must_go_on()
+            self._must_not_be_silent()
             return np.empty((0, 5))
         self._heard = self._clock.now()
         try:
@@ -106,7 +106,7 @@ class _TimedStream:
             return self._rows(frames[:good])
 
     def end(self) -> StreamReport:
-        """Stop the board's stream, and return how it went."""
+        """Stop the board's stream, and return the statistics."""
         stream, self._stream = self._stream, None
         if stream is None:
             return StreamReport(frames=0, lost=0, drift=None, drift_uncertainty=None)
@@ -154,8 +154,8 @@ class _TimedStream:
             return False
         return True
 
-    def _must_go_on(self) -> None:
-        """Raise where no frame has come for long though the link answers."""
+    def _must_not_be_silent(self) -> None:
+        """Raise if no frame has come for long although the link answers."""
         longest = max(_SILENT_S, _SILENT_FRAMES * self._period + self.longest_pause)
         if (silent := self._clock.now() - self._heard) > longest:
             raise NoReply(
@@ -166,21 +166,21 @@ class _TimedStream:
 
 
 class TimedSensor(StreamingSensor):
-    """A sensor that streams where its bus is that of an OBC; on any bus it can also be asked for every sample.
+    """A sensor that streams on an OBC's bus; on any bus it can also be polled sample by sample.
 
-    Its chip's class defines `_outputs` beside what `Axes` asks for.
+    The chip's class defines `_outputs` in addition to what `Axes` requires.
     """
 
     can_be_asked: ClassVar[bool] = True
 
     @property
     def streams(self) -> bool:
-        """Whether a board is there to read it."""
+        """Whether the bus belongs to a board that can poll it."""
         return hasattr(self._registers.bus, "start_stream")
 
     @abstractmethod
     def _outputs(self) -> Outputs:
-        """Return what is read at every turn."""
+        """Return the registers read at every tick."""
 
     def _stream_at(self, rate: float) -> Stream:
         if not self.streams:

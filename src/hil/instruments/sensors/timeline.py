@@ -1,4 +1,4 @@
-"""Times of samples from the instants at which the FIFO reached its watermark."""
+"""Sample times from the instants at which the FIFO reached its watermark."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 __all__ = ["Span", "Timeline"]
 
-# The sensor's oscillator is within a few per cent; what differs more is not a period of samples.
+# The sensor's oscillator is within a few per cent; a larger difference is not a sampling period.
 _LARGEST_ERROR = 0.1
 
 
@@ -18,11 +18,11 @@ class Span:
     """The packets of one read of the FIFO.
 
     Attributes:
-        number: counted from 0; a number that is left out is a read whose packets were lost.
+        number: counted from 0; a missing number is a read whose packets were lost.
         at_s: device time in s at which the FIFO reached its watermark.
-        watermark: packets that came into the FIFO from the read before until then.
-        count: packets that were read.
-        lost: packets that the FIFO dropped before this read, the oldest ones.
+        watermark: number of packets that entered the FIFO between the previous read and that instant.
+        count: number of packets read.
+        lost: number of packets, the oldest, that the FIFO dropped before this read.
     """
 
     number: int
@@ -33,13 +33,13 @@ class Span:
 
 
 class Timeline:
-    """Gives every packet its time: linear between consecutive watermark instants.
+    """Assigns a time to every packet, linearly between consecutive watermark instants.
 
-    The first span waits for the second one, which gives the period. A span that follows on a lost one keeps the
-    period, and its packets stand before its own instant, so that what was lost leaves its time empty.
+    The first span waits for the second, which gives the period. A span after a lost one keeps the period, and its
+    packets are placed before its own instant, so that lost packets leave a gap in time.
 
     Args:
-        period: nominal seconds from sample to sample.
+        period: nominal sampling period in s.
         begun_s: device time at which the FIFO began to fill, None if only the first instant shows it.
     """
 
@@ -47,14 +47,14 @@ class Timeline:
         self._nominal = period
         self._period = period
         self._origin = begun_s or 0.0
-        self._anchor = begun_s  # the last instant that is known,
-        self._behind = 0  # how many packets have come since,
-        self._number = -1  # and in which span
+        self._anchor = begun_s  # the last known instant
+        self._behind = 0  # packets since then
+        self._number = -1  # and its span
         self._first: Span | None = None
         self._idle = 0
 
     def place(self, span: Span) -> list[NDArray[np.float64]]:
-        """Return the times in s since the FIFO began to fill, of this span and of any that waited: 0, 1 or 2 arrays."""
+        """Return the times, in s since the FIFO began to fill, of this span and any that waited: 0, 1 or 2 arrays."""
         if self._anchor is not None:
             return [self._placed(span)]
         if self._first is None:
@@ -75,7 +75,7 @@ class Timeline:
 
     def _placed(self, span: Span) -> NDArray[np.float64]:
         ahead = span.watermark - span.lost
-        if span.count < ahead:  # an edge that was no watermark: its packets follow on the last ones
+        if span.count < ahead:  # an edge that was not a watermark: its packets continue from the last ones
             times = self._at(self._anchor or 0.0, 1 + self._behind, span.count)
             self._behind += span.count
             self._number = span.number
