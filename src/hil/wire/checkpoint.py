@@ -1,4 +1,4 @@
-"""Checkpoints: what a simulated bench keeps of itself, so that it can continue from there in another process."""
+"""Checkpoints: the saved state of a simulated bench, from which another process can continue."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ _Type = TypeVar("_Type")
 _KEPT = "kept"
 
 Kept = Annotated[_Type, _KEPT]
-"""Marks an attribute that belongs to an object's state: `_inbox: Kept[bytes]`.
+"""Marks an attribute as part of an object's state: `_inbox: Kept[bytes]`.
 
-It is a value that msgspec can write (numbers, text, bytes, tuples, lists, dictionaries, dataclasses), a deque or an
-array, or a part: an object with a state of its own, or a list or dictionary of such parts, which is there already when
-it is restored.
+It is a value that msgspec can encode (numbers, text, bytes, tuples, lists, dictionaries, dataclasses), a deque or an
+array, or a part: an object with its own state, or a list or dictionary of such parts, which must already exist when it
+is restored.
 """
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Checkpoint:
-    """A simulated bench at a scheduling point.
+    """State of a simulated bench at a scheduling point.
 
     Attributes:
-        at_ns: the bench's time.
-        operations: how many operations its transcript held.
-        state: world and lines, as JSON values.
+        at_ns: bench time in ns.
+        operations: number of operations in its transcript.
+        state: state of world and lines, as JSON values.
     """
 
     at_ns: int
@@ -41,11 +41,11 @@ class Checkpoint:
 
 
 class StateError(ValueError):
-    """A state does not fit what is to be restored.
+    """A state does not match the object to restore.
 
     Args:
-        message: what does not fit.
-        path: names of the parts, from the outside in.
+        message: description of the mismatch.
+        path: names of the parts, from the outermost inwards.
     """
 
     def __init__(self, message: str, path: tuple[str, ...] = ()) -> None:
@@ -56,10 +56,10 @@ class StateError(ValueError):
 
 @runtime_checkable
 class Part(Protocol):
-    """Anything with a state."""
+    """Anything with a state that can be saved and restored."""
 
     def state(self) -> Any:  # noqa: ANN401 - JSON values of any shape
-        """Return what is needed to continue, as JSON values."""
+        """Return the state needed to continue, as JSON values."""
         ...
 
     def restore(self, state: Any, /) -> None:  # noqa: ANN401 - as above
@@ -68,10 +68,10 @@ class Part(Protocol):
 
 
 class Stateful:
-    """Base of everything with a state: the attributes that the class marks as `Kept`, and nothing else."""
+    """Base class of objects whose state is exactly the attributes that the class marks as `Kept`."""
 
     def state(self) -> Mapping[str, object]:
-        """Return everything that is needed to continue, as JSON values."""
+        """Return everything needed to continue, as JSON values."""
         return {field.name: field.written(getattr(self, field.attribute)) for field in _fields(type(self))}
 
     def restore(self, state: Mapping[str, object]) -> None:
@@ -88,12 +88,12 @@ class Stateful:
         self.restored()
 
     def restored(self) -> None:
-        """Work out what follows from what was restored."""
+        """Recompute derived state after a restore."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Value:
-    """An attribute whose value is written and read as a whole."""
+    """An attribute saved and restored as a single value."""
 
     name: str
     attribute: str
@@ -106,7 +106,7 @@ class _Value:
     def restore(self, owner: object, written: object) -> None:
         """Set the attribute."""
         value = msgspec.convert(written, self.type, str_keys=True, dec_hook=_container)
-        # What msgspec passes over or fills in, such as a field that a class does not have, is not the same any more.
+        # Whatever msgspec ignores or fills in, such as a field unknown to the class, no longer compares equal.
         if _json(self.written(value)) != _json(written):
             raise StateError(f"{written!r:.200} is not what was written")
         setattr(owner, self.attribute, value)
@@ -126,7 +126,7 @@ class _Parts:
         return [part.state() for part in value] if isinstance(value, list) else cast("Part", value).state()
 
     def restore(self, owner: object, written: Any) -> None:  # noqa: ANN401 - JSON values of any shape
-        """Restore the parts that are there."""
+        """Restore the existing parts."""
         there = getattr(owner, self.attribute)
         if not isinstance(there, dict | list):
             there.restore(written)
@@ -140,7 +140,7 @@ class _Parts:
 
 
 def _fields(kind: type) -> tuple[_Value | _Parts, ...]:
-    """Return what a class keeps, in the order of its declarations, those of its bases first."""
+    """Return the kept attributes of a class in order of declaration, base classes first."""
     if kind not in _KNOWN:
         hints = get_type_hints(kind, include_extras=True)
         kept = {name: get_args(hint)[0] for name, hint in hints.items() if _KEPT in getattr(hint, "__metadata__", ())}
@@ -190,7 +190,7 @@ def _same_names(state: Mapping[str, object], names: Iterable[str]) -> None:
 
 @contextmanager
 def _at(name: str) -> Iterator[None]:
-    """Say where it is that something does not fit."""
+    """Add the location to a mismatch."""
     try:
         yield
     except StateError as error:

@@ -1,4 +1,4 @@
-"""Where simulated and replayed streams wait to be opened by their URL."""
+"""Registry of simulated and replayed streams and buses by URL, and wrappers around their far ends."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ __all__ = [
 
 
 class Unreachable:
-    """Stands in for an end, so that the other ends can be reached; it has the interface of all of them.
+    """Placeholder for a far end that could not be opened, so that the others stay reachable.
 
     Args:
-        error: why it could not be opened; everything but opening and closing raises it.
+        error: why it could not be opened; raised by everything but opening and closing.
     """
 
     def __init__(self, error: HilError) -> None:
@@ -50,17 +50,17 @@ _End = TypeVar("_End")
 
 
 class Handed(Generic[_End]):
-    """The far end of a byte stream or a bus, whichever end answers; it has the interface of both.
+    """Switchable far end of a byte stream or bus: delegates to the end that currently answers.
 
     Args:
-        end: what answers until `hand_to`.
+        end: the end that answers until `hand_to`.
     """
 
     def __init__(self, end: _End) -> None:
         self._end = end
 
     def hand_to(self, end: _End) -> None:
-        """Let `end` answer from now on; the host does not notice."""
+        """Switch to `end`, transparently for the host."""
         self._end = end
 
     def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - whatever the ends have
@@ -68,7 +68,7 @@ class Handed(Generic[_End]):
 
 
 class Brake:
-    """Keeps bytes from a bench that is to be driven no more, except those that make it safe."""
+    """Blocks bytes to a bench that must no longer be driven, except those that make it safe."""
 
     def __init__(self) -> None:
         self._asked: Callable[[], object] = lambda: False
@@ -76,11 +76,11 @@ class Brake:
 
     @contextmanager
     def applied(self, asked: Callable[[], object]) -> Iterator[None]:
-        """Refuse every operation from the moment when `asked` returns something true, until the context is left.
+        """Refuse every operation once `asked` returns a true value, until the context is left.
 
         Args:
-            asked: returns the error that operations end with, or anything else that is true where somebody asked to
-                stop.
+            asked: returns the error for operations to raise, or any other true value where a stop was
+                requested.
         """
         before, self._asked = self._asked, asked
         try:
@@ -90,7 +90,7 @@ class Brake:
 
     @contextmanager
     def released(self) -> Iterator[None]:
-        """Let operations pass: used while outputs are made safe."""
+        """Permit operations, for making outputs safe."""
         self._released += 1
         try:
             yield
@@ -98,21 +98,21 @@ class Brake:
             self._released -= 1
 
     def check(self) -> None:
-        """Be asked before an operation.
+        """Check that operations are permitted; called before each one.
 
         Raises:
-            OSError: if there is to be none; InterruptedError where somebody asked to stop.
+            OSError: if operations are blocked; InterruptedError where a stop was requested.
         """
         if not self._released and (why := self._asked()):
             raise why if isinstance(why, OSError) else InterruptedError(errno.EINTR, "somebody asked to stop")
 
 
 class Braked(Generic[_End]):
-    """The far end of a byte stream that a brake keeps operations from; it has the interface of what it stands before.
+    """Far end of a byte stream behind a brake; it has the interface of the wrapped end.
 
     Args:
-        end: what answers.
-        brake: is asked before bytes are sent or awaited.
+        end: the wrapped end.
+        brake: checked before bytes are sent or awaited.
     """
 
     def __init__(self, end: _End, brake: Brake) -> None:
@@ -120,18 +120,18 @@ class Braked(Generic[_End]):
         self._brake = brake
 
     def write(self, data: bytes) -> None:
-        """Write all bytes, unless there is to be no operation."""
+        """Write all bytes, unless operations are blocked."""
         self._brake.check()
         self._end.write(data)
 
     def exchange(self, data: bytes, timeout: float) -> bytes:
-        """Write all bytes and give what comes, unless there is to be no operation."""
+        """Write all bytes and return the reply, unless operations are blocked."""
         self._brake.check()
         came: bytes = self._end.exchange(data, timeout)
         return came
 
     def read(self, size: int, timeout: float) -> bytes:
-        """Give what comes, unless there is to be no operation."""
+        """Return the bytes received, unless operations are blocked."""
         self._brake.check()
         came: bytes = self._end.read(size, timeout)
         return came
@@ -141,7 +141,7 @@ class Braked(Generic[_End]):
 
 
 class FarEnd(Protocol):
-    """The far end of an open byte stream, as the URL handlers need it."""
+    """Interface of the far end of an open byte stream, as the URL handlers need it."""
 
     def opened(self) -> None:
         """Note that the host opened the stream."""
@@ -152,7 +152,7 @@ class FarEnd(Protocol):
         ...
 
     def dtr_rose(self) -> None:
-        """Note that the host let DTR rise again, while the stream was open."""
+        """Note a rising edge of DTR while the stream is open."""
         ...
 
     def write(self, data: bytes) -> None:
@@ -160,19 +160,19 @@ class FarEnd(Protocol):
         ...
 
     def exchange(self, data: bytes, timeout: float) -> bytes:
-        """Take bytes from the host, and give what is there once a byte has come, within `timeout` seconds in all."""
+        """Take bytes from the host, and return what has arrived once the first byte came, within `timeout` seconds."""
         ...
 
     def read(self, size: int, timeout: float) -> bytes:
-        """Give `size` bytes, or what came within `timeout` seconds."""
+        """Return `size` bytes, or fewer after `timeout` seconds."""
         ...
 
     def waiting(self) -> int:
-        """Return how many bytes can be read at once."""
+        """Return the number of bytes that can be read without waiting."""
         ...
 
     def discard(self) -> None:
-        """Throw received bytes away."""
+        """Discard received bytes."""
         ...
 
 
@@ -181,21 +181,21 @@ _buses: dict[str, I2cBus] = {}
 
 
 def publish_stream(url: str, stream: FarEnd) -> None:
-    """Let `stream` be found under `url`; two worlds of one name in a process are refused."""
+    """Register `stream` under `url`; a second world of the same name in a process is refused."""
     if url in _streams:
         raise Refused(f"{url} is in use by another bench of this process", "end that run first")
     _streams[url] = stream
 
 
 def publish_bus(url: str, bus: I2cBus) -> None:
-    """Let `bus` be found under `url`; two worlds of one name in a process are refused."""
+    """Register `bus` under `url`; a second world of the same name in a process is refused."""
     if url in _buses:
         raise Refused(f"{url} is in use by another bench of this process", "end that run first")
     _buses[url] = bus
 
 
 def withdraw(world: str) -> None:
-    """Forget every stream and bus whose URL starts with `world`, such as `sim://adcs/`."""
+    """Unregister every stream and bus whose URL starts with `world`, such as `sim://adcs/`."""
     for url in [url for url in (*_streams, *_buses) if url.startswith(world)]:
         _streams.pop(url, None)
         _buses.pop(url, None)

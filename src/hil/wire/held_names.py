@@ -1,8 +1,8 @@
-"""Names that a process holds for the whole host, in the kernel: nothing ages there, and nobody else can remove one.
+"""Host-wide locks by name, held in the kernel: they cannot go stale, and no other process can remove them.
 
-A name is the address of a listening socket in Linux's abstract namespace (unix(7)). It is free again when the last
-process that has the socket open is gone, however it ended. Every user of the host sees the same names; a container with
-a network of its own does not. Other systems, which drive no hardware, have no such namespace: a locked file stands in.
+A name is the address of a listening socket in Linux's abstract namespace (unix(7)). It is released when the last
+process that has the socket open ends, however it ends. All users of the host share the names; a container with its own
+network does not. Other systems, which drive no hardware, have no such namespace and use a locked file instead.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from pathlib import Path
 __all__ = ["Holder", "hold_name", "holder_of", "keepers_of", "names_held", "short", "user_name"]
 
 _FIRST = "hil-"
-_QUEUE = 4096  # whoever asks for the holder stays in the queue; the kernel takes as many as it allows
+_QUEUE = 4096  # each query for the holder stays in the queue; the kernel caps the length
 _TABLE = Path("/proc/net/unix")
 _FILES = Path("/tmp/hil-names")  # noqa: S108 - on systems without the namespace only
 _PROCESSES = Path("/proc")
@@ -31,11 +31,11 @@ _CREDENTIALS = struct.Struct("3i")
 
 @dataclass(frozen=True, slots=True)
 class Holder:
-    """Who took a name, as the kernel wrote it down then.
+    """The process that took a name, as recorded by the kernel.
 
     Attributes:
-        pid: its process.
-        uid: its user.
+        pid: process ID.
+        uid: user ID.
     """
 
     pid: int
@@ -43,12 +43,12 @@ class Holder:
 
     @property
     def user(self) -> str:
-        """The user's name, or number where it has no name."""
+        """The user's name, or ID if it has none."""
         return user_name(self.uid)
 
     @property
     def lives(self) -> bool:
-        """Whether there is such a process now; it may have passed the name to another one."""
+        """Whether the process still exists; it may have passed the name on."""
         try:
             os.kill(self.pid, 0)
         except ProcessLookupError:
@@ -59,10 +59,10 @@ class Holder:
 
 
 def hold_name(name: str) -> int:
-    """Take a name, until the descriptor is closed in every process that has it.
+    """Take a name until the returned descriptor is closed in every process that has it.
 
     Raises:
-        OSError: EADDRINUSE if somebody has it.
+        OSError: EADDRINUSE if the name is taken.
     """
     if sys.platform != "linux":
         return _hold_file(name)
@@ -73,7 +73,7 @@ def hold_name(name: str) -> int:
 
 
 def holder_of(name: str) -> Holder | None:
-    """Return who took a name, None where nobody has it or the kernel does not say."""
+    """Return the holder of a name, None if it is free or the kernel does not report it."""
     if sys.platform != "linux":
         return None
     with suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_STREAM | socket.SOCK_CLOEXEC) as asking:
@@ -86,7 +86,7 @@ def holder_of(name: str) -> Holder | None:
 
 
 def names_held(first: str = "") -> list[str]:
-    """Return all names that are held now and begin with some letters, none where the kernel does not say."""
+    """Return all names held now that begin with `first`, empty if the kernel does not report them."""
     if sys.platform != "linux":
         return [path.name for path in _FILES.glob(f"{first}*") if _is_locked(path)]
     mark = f" @{_FIRST}"
@@ -97,9 +97,9 @@ def names_held(first: str = "") -> list[str]:
 
 
 def keepers_of(name: str, system: Path = _PROCESSES) -> dict[int, bool]:
-    """Return the processes that have a name open, and whether each is stopped; those that this user may look at.
+    """Return the processes that have a name open, and whether each is stopped, as far as visible to this user.
 
-    The process that took the name may have ended, and have passed it to one that has not.
+    The process that took the name may have ended after passing it to another.
 
     Args:
         name: the name.
@@ -137,12 +137,12 @@ def _is_locked(path: Path) -> bool:
 
 
 def short(text: str) -> str:
-    """Return 24 letters for a text of any length; the same in every process."""
+    """Return a 24-letter digest of a text, the same in every process."""
     return hashlib.sha256(text.encode()).hexdigest()[:24]
 
 
 def user_name(uid: int) -> str:
-    """Return a user's name, or number where it has no name."""
+    """Return a user's name, or ID if it has none."""
     try:
         return pwd.getpwuid(uid).pw_name
     except KeyError:

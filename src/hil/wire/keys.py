@@ -1,7 +1,7 @@
-"""Keys of instruments: the same for everyone on this host, however a bench file writes where the instrument is.
+"""Lock keys of instruments: the same for every process on this host, however bench files write the port.
 
-An instrument may have several keys, such as a host's name and its addresses; two ports with one key in common are one
-instrument. The name as it is written is always among them: it finds what an earlier version left under it.
+An instrument may have several keys, such as a host name and its addresses; two ports with a key in common are the same
+instrument. The port as written is always among them, to find what an earlier version stored under it.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ _RESOLVED_S = 2.0
 _SYSTEM = Path("/sys")
 _HERE = "localhost"
 SERVED = "served bench "
-"""How the keys of a served bench begin."""
+"""Prefix of the keys of a served bench."""
 
 LOOPBACK = f"socket://{_HERE}:"
-"""How the keys of a port on this host's own network begin."""
+"""Prefix of the keys of a network port on this host."""
 
 _SCPI_PORTS = ("5024", "5025", "5555")
 _ONE_OF_ITS_HOST = re.compile(r"(inst0|hislip0(,\d+)?)?", re.IGNORECASE)
-"""What the only instrument of a host is called; a gateway, or a mainframe, has more of them."""
+"""Names of the only instrument of a host; a gateway or a mainframe has several."""
 
 
 def keys_of(
@@ -44,10 +44,10 @@ def keys_of(
     """Return the keys of the instrument at a port.
 
     Args:
-        port: as in a bench file: a path, a URL, or a VISA resource name.
-        resolve: returns the addresses of a host; the system's resolver, for two seconds at most, where None.
-        real_path: follows links.
-        system: where the kernel lists its devices.
+        port: port as in a bench file: a path, a URL, or a VISA resource name.
+        resolve: returns the addresses of a host; if None, the system's resolver with a timeout of two seconds.
+        real_path: resolves symbolic links.
+        system: root of sysfs.
     """
     name, url = bare(port), url_of_resource(port)
     scheme, is_url, place = url.partition("://")
@@ -57,7 +57,7 @@ def keys_of(
     elif match := VISA_USB.match(name):
         found = iter([_usb(match["vendor"], match["product"], match["serial"], int(match["interface"] or 0))])
     elif (match := VISA_LAN.match(name)) and _ONE_OF_ITS_HOST.fullmatch(match["name"] or ""):
-        # Behind VXI-11 and HiSLIP is the same instrument as at its sockets.
+        # VXI-11 and HiSLIP reach the same instrument as its sockets.
         found = _network(match["host"], _SCPI_PORTS, resolve or _addresses)
     elif match:
         found = _network(match["host"], [match["name"].lower()], resolve or _addresses)
@@ -71,21 +71,21 @@ def keys_of(
 
 
 def keys_of_this_port(port: str) -> tuple[str, ...]:
-    """Return the keys of a port by itself: no host is looked up, and nobody is asked whose bench it belongs to."""
+    """Return the keys of the port alone, without resolving hosts or looking for served benches."""
     return tuple(key for key in keys_of(port, resolve=lambda _: ()) if not key.startswith(SERVED))
 
 
 def keys_of_served(folder: Path) -> tuple[str, ...]:
-    """Return the keys of a bench that is served in a folder; its network ports have them, too."""
+    """Return the keys of a bench served in a folder, which its network ports share."""
     return (f"{SERVED}{folder.resolve()}", _served(short(str(folder.resolve()))))
 
 
 def announce_served(port: int | str, folder: Path) -> int:
-    """Let everyone on this host know that a port of it belongs to a served bench, until the descriptor is closed.
+    """Announce host-wide that a port belongs to a served bench, until the returned descriptor is closed.
 
     Args:
-        port: of the network, or the path of a pseudo-terminal.
-        folder: where the bench is served.
+        port: network port, or path of a pseudo-terminal.
+        folder: folder of the served bench.
 
     Raises:
         OSError: if that is not possible.
@@ -116,7 +116,7 @@ def _network(host: str, ports: Sequence[str], resolve: Callable[[str], Sequence[
 
 
 def _literal(text: str) -> str | None:
-    """Return an address in its one form, that of this host as its name; None for what is no address."""
+    """Return an address in canonical form, this host's as its name; None if the text is not an address."""
     try:
         address = ipaddress.ip_address(text.partition("%")[0])
     except ValueError:
@@ -129,7 +129,7 @@ def _literal(text: str) -> str | None:
 
 
 def _is_own(address: ipaddress.IPv4Address | ipaddress.IPv6Address) -> bool:
-    """Return whether it is an address of this host: packets to it would come from itself. None is sent."""
+    """Return whether an address belongs to this host, by its source-address selection; nothing is sent."""
     family = socket.AF_INET if address.version == 4 else socket.AF_INET6
     with suppress(OSError), socket.socket(family, socket.SOCK_DGRAM) as asking:
         asking.connect((str(address), 9))
@@ -139,7 +139,7 @@ def _is_own(address: ipaddress.IPv4Address | ipaddress.IPv6Address) -> bool:
 
 
 def _addresses(host: str) -> list[str]:
-    """Ask the system's resolver, which cannot be interrupted; an answer that does not come in time is left out."""
+    """Query the system's resolver, which cannot be interrupted; a late answer is ignored."""
     found: list[str] = []
 
     def ask() -> None:
@@ -153,7 +153,7 @@ def _addresses(host: str) -> list[str]:
 
 
 def _device(path: str, system: Path) -> Iterator[str]:
-    """Yield what a device is called: over USB by its serial number and where it is plugged in, else by its path."""
+    """Yield the names of a device: for USB by serial number and topology, otherwise by path."""
     yield from (_served(each.rpartition("-")[2]) for each in names_held(f"served-{short(path)}-"))
     try:
         status = os.stat(path)  # noqa: PTH116 - given as text
@@ -188,7 +188,7 @@ def _spoken(interface: int, line: int) -> str:
 
 
 def _has_twin(usb: Path, who: tuple[str, str, str], system: Path) -> bool:
-    """Return whether another device says the same of itself, as some do that have one serial number for all."""
+    """Return whether another device reports the same identity, such as makes with one serial number for all."""
     for other in (system / "bus/usb/devices").glob("*/serial"):
         told = tuple(_text(other.parent / name) for name in ("idVendor", "idProduct", "serial"))
         if told == who and other.parent.name != usb.name:

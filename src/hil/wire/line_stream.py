@@ -1,4 +1,4 @@
-"""The end of a port that is not a plain stream: a serial line of a server, or an instrument that takes messages."""
+"""Far end of a port that is not a plain stream: a serial server's line, or a message-based instrument."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ _Result = TypeVar("_Result")
 
 
 class LineStream:
-    """An open port, by the same code as the guardian's. See `hil.wire.exchange.FarEnd`.
+    """An open port that shares its code with the guardian. See `hil.wire.exchange.FarEnd`.
 
-    It reads in the thread of its caller only. pyserial's client of RFC 2217 has a thread that reads all the time, and
-    would take the replies that the guardian waits for on the same connection.
+    It reads only in its caller's thread. pyserial's RFC 2217 client has a thread that reads continuously, and would
+    consume replies that the guardian awaits on the same connection.
 
     Args:
-        port: as the guardian would open it.
+        port: the port as the guardian would open it.
 
     Raises:
         NoReply: if it cannot be opened.
@@ -54,18 +54,18 @@ class LineStream:
             raise NoReply(port.device, f"{port.url} cannot be opened: {why}", hint) from error
 
     def fileno(self) -> int:
-        """Return the descriptor; who gets a copy of it has to speak what this speaks."""
+        """Return the descriptor; the receiver of a copy must speak the same protocol."""
         return self._line.descriptor
 
     def opened(self) -> None:
-        """Do nothing: it is open since it was made."""
+        """Do nothing: it has been open since its creation."""
 
     def closed(self) -> None:
         """Close it."""
         self._line.close()
 
     def dtr_rose(self) -> None:
-        """Let DTR fall and rise at the server; what takes messages has none."""
+        """Pulse DTR at the server; message-based instruments have none."""
         if isinstance(self._line, TelnetLine):
             self._line.pull_dtr(up=False)
             wall.pause(_DTR_LOW_S)
@@ -78,14 +78,14 @@ class LineStream:
             raise OSError(errno.ETIMEDOUT, "it takes no bytes")
 
     def exchange(self, data: bytes, timeout: float) -> bytes:
-        """Write all bytes, and give what is there once a byte has come, within `timeout` seconds of the wall."""
+        """Write all bytes, and return what has arrived once the first byte came, within `timeout` s of wall time."""
         end_s = wall.monotonic() + timeout
         self.write(data)
         first = self.read(1, max(0.0, end_s - wall.monotonic()))
         return first + self.read(self.waiting(), 0.0) if first else b""
 
     def read(self, size: int, timeout: float) -> bytes:
-        """Give `size` bytes, or what came within `timeout` seconds of the wall."""
+        """Return `size` bytes, or fewer after `timeout` s of wall time."""
         end_s = wall.monotonic() + timeout
         while len(self._ahead) < size:
             came = _alive(lambda: self._line.hear(end_s))
@@ -96,25 +96,25 @@ class LineStream:
         return data
 
     def waiting(self) -> int:
-        """Return how many bytes can be read at once."""
+        """Return the number of bytes that can be read without waiting."""
         while came := _alive(lambda: self._line.hear(0.0)):
             self._ahead += came
         return len(self._ahead)
 
     def discard(self) -> None:
-        """Throw received bytes away."""
+        """Discard received bytes."""
         self.waiting()
         self._ahead = b""
 
 
 def port_of(device: str, port: str, baud: int = 0, line: SerialLine | None = None) -> GuardedPort:
-    """Return how a port of a bench file is opened without a driver.
+    """Return how to open a bench file's port without a driver.
 
     Args:
         device: the instrument's name.
-        port: a path, a URL, or a VISA resource name; one that PyVISA opens has a session that nobody else can use.
-        baud: of a serial line.
-        line: how a serial line is set.
+        port: a path, a URL, or a VISA resource name; a port opened by PyVISA has a session that cannot be shared.
+        baud: baud rate of a serial line.
+        line: settings of a serial line.
     """
     name = bare(port)
     speaks, url = _SPEAKS[kind_of(name)], url_of_resource(port)
@@ -127,7 +127,7 @@ def port_of(device: str, port: str, baud: int = 0, line: SerialLine | None = Non
 
 
 def _alive(operation: Callable[[], _Result]) -> _Result:
-    """Do something on the line; one that is gone is an OSError, as of every stream."""
+    """Run an operation on the line; a lost line becomes an OSError, as for any stream."""
     try:
         return operation()
     except Gone as error:

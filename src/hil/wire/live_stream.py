@@ -1,4 +1,4 @@
-"""The end of a byte stream that lies outside this process: a serial device or a socket."""
+"""Far end of a byte stream outside this process: a serial device or a socket."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ class LiveStream:
     Args:
         device: the instrument's name.
         url: a path, a URL of pyserial, or a VISA resource name.
-        baud: of a serial line, 9600 where it is 0.
-        line: how a serial line is set.
-        alone: whether no other process may have it open. Of serial devices the system sees to that, root excepted.
+        baud: baud rate of a serial line, 9600 if 0.
+        line: settings of a serial line.
+        alone: whether to open it exclusively; the system enforces that for serial devices, except against root.
 
     Raises:
         NoReply: if it cannot be opened.
-        Refused: for a URL whose scheme is never opened.
+        Refused: the URL's scheme is never opened.
     """
 
     def __init__(
@@ -65,7 +65,7 @@ class LiveStream:
             raise NoReply(device, f"{where} cannot be opened: {why}", hint) from error
 
     def _must_be_set(self, line: SerialLine) -> None:
-        """Close a device again that does not take the settings: with others nothing, or something else, is heard."""
+        """Close a device that does not accept the settings: with others it would receive nothing, or garbage."""
         try:
             must_have_taken(self.fileno(), line)
             if line.rs485 is not None:
@@ -90,12 +90,12 @@ class LiveStream:
             ) from error
 
     def fileno(self) -> int:
-        """Return the descriptor; a process that gets a copy of it need not open the port."""
+        """Return the descriptor; a process that receives a copy need not open the port."""
         number: int = self._serial.fileno()
         return number
 
     def opened(self) -> None:
-        """Do nothing: it is open since it was made."""
+        """Do nothing: it has been open since its creation."""
 
     def closed(self) -> None:
         """Close it."""
@@ -106,7 +106,7 @@ class LiveStream:
             connection.close()
 
     def dtr_rose(self) -> None:
-        """Let DTR fall and rise: the caller has already waited, but the fall has not been reported."""
+        """Pulse DTR: the caller has already waited, but only the rise is reported to this end."""
         self._serial.dtr = False
         wall.pause(_DTR_LOW_S)
         self._serial.dtr = True
@@ -115,7 +115,7 @@ class LiveStream:
         """Write all bytes.
 
         Raises:
-            OSError: EAGAIN where the port is there and takes no more of them in time; anything else where it is gone.
+            OSError: EAGAIN if the port does not accept them in time; any other errno if it is gone.
         """
         try:
             self._serial.write(data)
@@ -123,32 +123,32 @@ class LiveStream:
             raise BlockingIOError(errno.EAGAIN, os.strerror(errno.EAGAIN)) from error
 
     def exchange(self, data: bytes, timeout: float) -> bytes:
-        """Write all bytes, and give what is there once a byte has come, within `timeout` seconds of the wall."""
+        """Write all bytes, and return what has arrived once the first byte came, within `timeout` s of wall time."""
         end_s = wall.monotonic() + timeout
         self.write(data)
         first = self.read(1, max(0.0, end_s - wall.monotonic()))
         return first + self.read(self.waiting(), 0.0) if first else b""
 
     def read(self, size: int, timeout: float) -> bytes:
-        """Give `size` bytes, or what came within `timeout` seconds of the wall."""
+        """Return `size` bytes, or fewer after `timeout` s of wall time."""
         if self._serial.timeout != timeout:
             self._serial.timeout = timeout
         data: bytes = self._serial.read(size)
         return data
 
     def waiting(self) -> int:
-        """Return how many bytes can be read at once."""
+        """Return the number of bytes that can be read without waiting."""
         # pyserial's own count is 0 or 1 for a socket.
         number: int = struct.unpack("i", fcntl.ioctl(self.fileno(), termios.FIONREAD, b"\0\0\0\0"))[0]
         return number
 
     def discard(self) -> None:
-        """Throw received bytes away."""
+        """Discard received bytes."""
         self._serial.reset_input_buffer()
 
 
 def _settings(line: SerialLine) -> dict[str, Any]:
-    """Return a line's settings as pyserial names them."""
+    """Return a line's settings as pyserial arguments."""
     return {
         "bytesize": line.data_bits,
         "parity": line.parity[0].upper(),

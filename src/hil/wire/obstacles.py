@@ -1,4 +1,4 @@
-"""Why a device file cannot be opened, and what to do about it: the missing group, who has it open, what is there."""
+"""Diagnosis of a device file that cannot be opened: missing group, other users, existing alternatives."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ _ELSE = "check cable, power and the bench file"
 _FAMILIES = ("ttyUSB", "ttyACM", "ttyAMA", "ttyS", "ttyO", "usbtmc", "i2c-")
 _MOST_SHOWN = 8
 _SAID = re.compile(r"^Could not open port .+?: (?:\[Errno \d+\] )?")
-"""What pyserial puts before the reason."""
+"""Prefix of pyserial's error messages."""
 
 
 def obstacle(path: str, error: Exception, processes: Path = Path("/proc")) -> tuple[str, str]:
-    """Return in words why a path could not be opened, and a hint.
+    """Return why a path could not be opened, and a hint.
 
     Args:
         path: a device file, or a URL.
-        error: what the attempt ended with.
-        processes: where the kernel lists processes.
+        error: the exception of the attempt.
+        processes: root of procfs.
     """
     number = getattr(error, "errno", None)
     if not path.startswith("/"):
@@ -43,7 +43,7 @@ def obstacle(path: str, error: Exception, processes: Path = Path("/proc")) -> tu
 
 
 def users_of(path: str, processes: Path = Path("/proc")) -> Iterator[str]:
-    """Yield who has a device file open, as far as this user may see: of other users' processes nothing is told."""
+    """Yield the processes that have a device file open, as far as visible to this user."""
     with suppress(OSError):
         device = Path(path).stat().st_rdev
         for process in sorted(processes.glob("[0-9]*"), key=lambda each: int(each.name)):

@@ -1,4 +1,4 @@
-"""Open ports and buses by URL: hardware, simulated and replayed alike."""
+"""Opening of ports and buses by URL: hardware, simulated and replayed alike."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ __all__ = [
 ]
 
 NETWORK = ("socket", "rfc2217")
-"""Schemes of ports that lie on a network. Who answers there is known only by what it says."""
+"""Schemes of network ports, where only the reply shows which instrument answers."""
 
 _PROTOCOLS = "hil.wire.protocols"
 _NETWORK_PLACE = re.compile(r"(\[[0-9A-Fa-f:.]+(%\w+)?\]|[^\s:/?#@\[\]]+):\d{1,5}")
@@ -44,14 +44,14 @@ VISA_USB = re.compile(
     r"^USB\d*::(?P<vendor>\w+)::(?P<product>\w+)::(?P<serial>[^:]+)(::(?P<interface>\d+))?(::INSTR)?$",
     re.IGNORECASE,
 )
-"""The VISA name of an instrument at USB."""
+"""VISA resource name of a USB instrument."""
 
 VISA_LAN = re.compile(r"^TCPIP\d*::(?P<host>\[[^]]+\]|[^:]+)(::(?P<name>[a-z][^:]*))??(::INSTR)?$", re.IGNORECASE)
-"""The VISA name of an instrument that speaks VXI-11 or HiSLIP, and what it is called there."""
+"""VISA resource name of a VXI-11 or HiSLIP instrument, with its name at the host."""
 
 
 class PortKind(StrEnum):
-    """What kind of port a bench file names."""
+    """Kind of a bench file's port."""
 
     SERIAL = "serial device"
     RFC2217 = "rfc2217"
@@ -65,15 +65,15 @@ class PortKind(StrEnum):
 
 
 MESSAGES = (PortKind.USBTMC, PortKind.HISLIP, PortKind.VXI11, PortKind.VISA)
-"""Kinds of ports that carry whole messages, as SCPI instruments take them."""
+"""Kinds of ports that carry whole messages, as SCPI instruments use."""
 
 _BY_VISA = "visa:"
 VENDOR = "vendor:"
-"""How a place begins that only a vendor's driver understands."""
+"""Prefix of an address that only a vendor's driver understands."""
 
 
 def bare(port: str) -> str:
-    """Return a port without the `visa:` that lets PyVISA open it.
+    """Return a port without the `visa:` prefix that selects PyVISA.
 
     >>> bare("visa:GPIB0::5::INSTR")
     'GPIB0::5::INSTR'
@@ -103,7 +103,7 @@ def kind_of(port: str) -> PortKind:
 
 
 def url_of_resource(name: str) -> str:
-    """Return the URL of a VISA resource name, whoever opens it; anything else is returned as it is.
+    """Return the URL of a VISA resource name; anything else is returned unchanged.
 
     >>> url_of_resource("TCPIP::192.168.10.21::5025::SOCKET")
     'socket://192.168.10.21:5025'
@@ -129,10 +129,10 @@ _WRITE = "write a device below /dev, socket://HOST:PORT, rfc2217://HOST:PORT, or
 
 
 def why_not_opened(port: str) -> str:
-    """Return why a port of a bench file is never opened, nothing for one that may be.
+    """Return why a bench file's port is never opened, empty if it may be.
 
-    pyserial knows more schemes, and they go past every check of who is at a port: `alt://`, `hwgrep://` and `spy://`
-    lead to serial devices by another name, `spy://` writes files, and at `loop://` there is nobody.
+    pyserial knows more schemes, which bypass every check of a port's identity: `alt://`, `hwgrep://` and `spy://` reach
+    serial devices by another name, `spy://` writes files, and `loop://` has no instrument.
     """
     if kind_of(port) in {PortKind.VENDOR, PortKind.VISA}:
         known = port.startswith(VENDOR) or _BY_PYVISA.match(bare(port))
@@ -144,7 +144,7 @@ def why_not_opened(port: str) -> str:
         told = f"'{port}' is no VISA name that is opened; {by_ourselves}; PyVISA may open others: {_BY_VISA}{port}"
         return "" if kind_of(port) in MESSAGES else told
     if not is_url:
-        inside = posixpath.normpath(url).startswith("/dev/")  # a file of USBTMC, too
+        inside = posixpath.normpath(url).startswith("/dev/")  # including USBTMC files
         return "" if inside else f"'{port}' is no serial device below /dev; {_WRITE}"
     if scheme not in _SCHEMES:
         return f"'{scheme}://' is never opened{did_you_mean(scheme, _SCHEMES)}; {_WRITE}"
@@ -187,7 +187,7 @@ def hardware_bus(device: str, path: str) -> I2cBus:
     """Open an I2C bus of this machine.
 
     Raises:
-        NoReply: if it is not there.
+        NoReply: if it does not exist.
     """
     try:
         from smbus2 import SMBus  # noqa: PLC0415 - fcntl exists on Linux only, and so does the bus

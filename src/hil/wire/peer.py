@@ -1,4 +1,4 @@
-"""What a port or bus asks of the simulated instrument at its other end."""
+"""Interfaces between a port or bus and the simulated instrument at its far end."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ class Nack(Exception):
 
 
 class Cancellable(Protocol):
-    """An event that can be taken back."""
+    """A scheduled event that can be cancelled."""
 
     @property
     def number(self) -> int:
@@ -21,31 +21,31 @@ class Cancellable(Protocol):
         ...
 
     def cancel(self) -> None:
-        """Take it back."""
+        """Cancel the event."""
         ...
 
 
 class PeerClock(Protocol):
-    """The part of the bench's clock that a peer sees: what time it is, `at` to act later, how long nobody else acts."""
+    """A peer's view of the bench's clock: present time, scheduling of events, and time until any other event."""
 
     def now_ns(self) -> int:
         """Return the nanoseconds since the bench's epoch."""
         ...
 
     def at(self, when_ns: int, action: Callable[[], None], number: int | None = None) -> Cancellable:
-        """Let `action` happen at `when_ns`; an event that is restored keeps the `number` that it had."""
+        """Schedule `action` at `when_ns`; a restored event keeps its `number`."""
         ...
 
     def calm_until_ns(self) -> int:
-        """Return the last instant up to which nothing else happens; asked during an action."""
+        """Return the last instant before any other event; called during an action."""
         ...
 
 
 class Line(Protocol):
-    """The peer's way to the host."""
+    """The peer's transmit path to the host."""
 
     def send(self, data: bytes, after_ns: int = 0) -> None:
-        """Give bytes to the host; the first leaves `after_ns` from now, the line's speed is added."""
+        """Send bytes to the host; the first leaves after `after_ns`, plus the time on the line."""
         ...
 
 
@@ -57,24 +57,24 @@ class SerialPeer(Protocol):
         ...
 
     def receive(self, data: bytes) -> None:
-        """Take bytes that the host wrote, in whatever pieces they come; never reads the future."""
+        """Take bytes written by the host, in chunks of any size; causal: never uses later bytes."""
         ...
 
     def state(self) -> Mapping[str, object]:
-        """Return everything that the peer would need to continue, as JSON values."""
+        """Return everything that the peer needs to continue, as JSON values."""
         ...
 
     def restore(self, state: Mapping[str, object]) -> None:
-        """Continue from what `state` returned, also if this peer has more faults: added ones come last."""
+        """Continue from what `state` returned, even if this peer has additional faults, which come last."""
         ...
 
 
 @runtime_checkable
 class Openable(Protocol):
-    """A simulated instrument that notices when its port is opened, because DTR rises."""
+    """A simulated instrument that detects the opening of its port by the rise of DTR."""
 
     def opened(self) -> None:
-        """Notice it."""
+        """Note the opening of the port."""
         ...
 
 
@@ -83,7 +83,7 @@ class BusPeer(Protocol):
 
     @property
     def addresses(self) -> tuple[int, ...]:
-        """The 7-bit addresses that it answers to."""
+        """The 7-bit addresses to which it responds."""
         ...
 
     def attach(self, clock: PeerClock) -> None:
@@ -95,21 +95,21 @@ class BusPeer(Protocol):
         ...
 
     def read(self, address: int, count: int) -> bytes:
-        """Give one read message of `count` bytes; raises Nack where the device would not acknowledge."""
+        """Return one read message of `count` bytes; raises Nack where the device would not acknowledge."""
         ...
 
     def state(self) -> Mapping[str, object]:
-        """Return everything that the peer would need to continue, as JSON values."""
+        """Return everything that the peer needs to continue, as JSON values."""
         ...
 
     def restore(self, state: Mapping[str, object]) -> None:
-        """Continue from what `state` returned, also if this peer has more faults: added ones come last."""
+        """Continue from what `state` returned, even if this peer has additional faults, which come last."""
         ...
 
 
 @runtime_checkable
 class BusServer(Protocol):
-    """A simulated instrument that serves an I2C bus of its own."""
+    """A simulated instrument that serves its own I2C bus."""
 
     def serve(self, peers: Sequence[BusPeer]) -> None:
         """Put devices on its bus, once, before it is attached."""

@@ -1,4 +1,4 @@
-"""What drivers see of a byte stream, and of an I2C bus: the same face for hardware, simulation and replay."""
+"""Driver-side interfaces of byte streams and I2C buses, the same for hardware, simulation and replay."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ __all__ = ["I2cBus", "Port"]
 
 
 class Port(Protocol):
-    """An open byte stream. Reads end at `timeout` seconds of the clock, 2 s at most, in operations of up to 0.5 s."""
+    """An open byte stream. Reads time out after `timeout` s, 2 s at most, in operations of up to 0.5 s each."""
 
     timeout: float
 
@@ -23,23 +23,23 @@ class Port(Protocol):
         ...
 
     def exchange(self, data: bytes) -> bytes:
-        """Write all bytes, and return what comes: the first byte within the timeout, and what is there with it."""
+        """Write all bytes, and return the first byte received within the timeout and all that arrived with it."""
         ...
 
     def read(self, size: int = 1) -> bytes:
-        """Return `size` bytes, or what came until the timeout."""
+        """Return `size` bytes, or fewer at the timeout."""
         ...
 
     def read_line(self, terminator: bytes = b"\n", limit: int = 4096) -> bytes:
-        """Return bytes up to and with `terminator`; without it at the end they are what came until the timeout."""
+        """Return bytes up to and including `terminator`, or without it at the timeout."""
         ...
 
     def reset_input_buffer(self) -> None:
-        """Throw away what was received and not read."""
+        """Discard received bytes not read yet."""
         ...
 
     def pulse_dtr(self) -> None:
-        """Let the modem line DTR fall and rise, which resets a board that hangs on it by a capacitor."""
+        """Pulse the modem line DTR low, which resets a board whose reset is coupled to it by a capacitor."""
         ...
 
     def close(self) -> None:
@@ -51,15 +51,15 @@ class I2cBus(Protocol):
     """An I2C bus with smbus2's interface; a missing acknowledge is OSError with errno EREMOTEIO."""
 
     def read_byte(self, i2c_addr: int) -> int:
-        """Return one byte without naming a register."""
+        """Read one byte without a register address."""
         ...
 
     def write_byte(self, i2c_addr: int, value: int) -> None:
-        """Write one byte without naming a register."""
+        """Write one byte without a register address."""
         ...
 
     def read_byte_data(self, i2c_addr: int, register: int) -> int:
-        """Return one byte of a register."""
+        """Read one byte from a register."""
         ...
 
     def write_byte_data(self, i2c_addr: int, register: int, value: int) -> None:
@@ -67,19 +67,19 @@ class I2cBus(Protocol):
         ...
 
     def read_word_data(self, i2c_addr: int, register: int) -> int:
-        """Return two bytes from a register on, low byte first."""
+        """Read two bytes starting at a register, low byte first."""
         ...
 
     def write_word_data(self, i2c_addr: int, register: int, value: int) -> None:
-        """Write two bytes from a register on, low byte first."""
+        """Write two bytes starting at a register, low byte first."""
         ...
 
     def read_i2c_block_data(self, i2c_addr: int, register: int, length: int) -> list[int]:
-        """Return up to 32 bytes from a register on."""
+        """Read up to 32 bytes starting at a register."""
         ...
 
     def write_i2c_block_data(self, i2c_addr: int, register: int, data: Sequence[int]) -> None:
-        """Write up to 32 bytes from a register on."""
+        """Write up to 32 bytes starting at a register."""
         ...
 
     def i2c_rdwr(self, *i2c_msgs: object) -> None:

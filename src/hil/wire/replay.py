@@ -1,4 +1,4 @@
-"""Replay: recorded operations stand in for instruments, strictly in their order, at the far ends of ports and buses."""
+"""Replay: recorded operations, in strict order, in place of instruments at the far ends of ports and buses."""
 
 from __future__ import annotations
 
@@ -40,62 +40,62 @@ BUSY = "busy"
 It sends the number of events of the run's own course up to there, and for how many seconds of the wall."""
 
 CLOCK = "clock"
-"""The operation that marks where a bench outside its process caught up with the present without any other one.
+"""The operation that marks where a bench outside this process caught up with the present without another operation.
 
 It sends the number of events of the run's own course up to there, because it stands between two of them."""
 
 DISTRESS = "distress"
-"""The operation that marks where a bench outside its process could not be driven any more.
+"""The operation that marks where a bench outside this process could no longer be driven.
 
 It sends the number of events as above, and why."""
 
 HOLD = "hold"
-"""The operation that marks where the bench was brought to its hold state."""
+"""The operation that marks entry into the hold state."""
 
 HOLD_END = "hold-end"
-"""The operation that marks where it was released."""
+"""The operation that marks release from the hold state."""
 
 MONITOR = "monitor"
-"""The operation that marks the turn of a monitor in a wait; its device is the monitor's limit."""
+"""The operation that marks a monitor's turn during a wait; its device is the monitor's limit."""
 
 OVERDUE = "monitor-overdue"
-"""The same at a point at which nothing waits; a wait may follow at the same instant."""
+"""The same at a scheduling point without a wait; a wait may follow at the same instant."""
 
 _AMID_A_WAIT = frozenset({DISTRESS, HOLD})
-"""What came upon a wait: at its instant, not at the wait's end."""
+"""Operations that interrupt a wait: timed at their own instant, not at the wait's end."""
 
 _ALL_ALIKE = 2
-"""The last format of transcripts in which both had one name."""
+"""The last transcript format in which both had one name."""
 
 _NEVER_WAITED = 3
-"""The last format of transcripts in which streams were emptied as often as they can be."""
+"""The last transcript format in which streams were drained as often as possible."""
 
 _IN_PARTS = 4
-"""The last format of transcripts in which a question and its reply were operations of their own."""
+"""The last transcript format in which query and reply were separate operations."""
 
 _NOT_SHARED = 5
-"""The last format of transcripts in which recordings did not share the bus by plan."""
+"""The last transcript format without planned bus sharing between recordings."""
 
 _NOT_ALL_SHARED = 6
-"""The last format of transcripts in which those beside a case did not, and only rows of streams fed limits."""
+"""The last transcript format in which recordings beside a case did not share, and only streams fed limits."""
 
 _NOT_NAMED = 7
-"""The last format of transcripts in which no sensor was asked for its name between samples."""
+"""The last transcript format without sensor ID checks between samples."""
 
 _NOT_SPARING = 8
-"""The last format of transcripts in which sensors were read more often than is needed."""
+"""The last transcript format in which sensors were read more often than necessary."""
 
 _HEX_SHOWN = 48
 
 
 @dataclass(frozen=True, slots=True)
 class Handover:
-    """Where a record stops answering for a bench, because the bench itself continues from there.
+    """Handover from a record to the bench itself, which continues from there.
 
     Attributes:
-        operations: how many operations the record answers.
-        at_ns: the bench time of the handover, at a scheduling point after the last of them.
-        act: lets the bench continue.
+        operations: number of operations answered by the record.
+        at_ns: bench time of the handover, at a scheduling point after the last of them.
+        act: continues the bench.
     """
 
     operations: int
@@ -104,23 +104,23 @@ class Handover:
 
 
 class Playback:
-    """The one cursor over a transcript that all replayed ports and buses share.
+    """Cursor over a transcript, shared by all replayed ports and buses.
 
     Args:
         path: the transcript of the run.
         clock: set to the recorded end of every operation.
         where: returns the current step, for messages.
-        handover: where the record stops to answer, None if it does not.
+        handover: where the record stops answering, None if it never does.
 
     Attributes:
-        at_divergence: hears of an operation that the record does not hold, before it is raised.
+        at_divergence: called with an operation that is not in the record, before it is raised.
         rows_wait: whether rows of its streams waited as long as the limits that they feed allow.
-        in_parts: whether a question and its reply were operations of their own.
-        shared: whether recordings shared the bus by plan, and what disturbed one was not held against the article.
-        all_share: whether those beside a case did, too, rows of sampled roles fed limits, and the first arming looked
-            whether there is room.
-        names_asked: whether sensors were asked for their names between samples.
-        sparing: whether sensors were read in as few transfers as do.
+        in_parts: whether query and reply were separate operations.
+        shared: whether recordings shared the bus by plan, with disturbances not held against the article.
+        all_share: whether recordings beside a case shared it too, rows of sampled roles fed limits, and the first
+            arming checked for room.
+        names_asked: whether sensor IDs were checked between samples.
+        sparing: whether sensors were read in as few transfers as possible.
     """
 
     def __init__(self, path: Path, clock: Clock, where: Callable[[], str], handover: Handover | None = None) -> None:
@@ -142,30 +142,30 @@ class Playback:
 
     @property
     def exhausted(self) -> bool:
-        """Whether every recorded operation was asked for."""
+        """Whether every recorded operation has been requested."""
         return self._next is None
 
     def skip(self, operations: int) -> None:
-        """Pass over the record up to that number of operations: they are not done again."""
+        """Skip the record up to that number of operations, which are not repeated."""
         while self._next is not None and self._next.sequence < operations:
             self._next = next(self._operations, None)
 
     def look_up_ns(self, when_ns: int) -> int:
-        """Return when a wait until `when_ns` has to look up: where the record has it end or stay, or ends itself."""
+        """Return when a wait until `when_ns` must pause: where the record ends or holds it, or ends itself."""
         marks = [self._handover.at_ns] if self._handover else []
         if self._next is not None and self._next.name in _AMID_A_WAIT:
             marks.append(self._next.start_ns)
         return min((mark_ns for mark_ns in marks if self._clock.now_ns() < mark_ns < when_ns), default=when_ns)
 
     def hand_over_if_due(self) -> None:
-        """Hand the bench over if every operation up to there was asked for and it is time; ask at scheduling points."""
+        """Hand over if every operation up to there was requested and it is time; called at scheduling points."""
         handover = self._handover
         if handover and self._next is None and self._clock.now_ns() >= handover.at_ns:
             self._handover = None
             handover.act()
 
     def due_monitor(self, latest_ns: int, name: str) -> str:
-        """Return the limit whose monitor comes next in the record, or nothing.
+        """Return the limit whose monitor comes next in the record, or an empty text.
 
         Args:
             latest_ns: the last instant at which it may come.
@@ -176,29 +176,29 @@ class Playback:
         return found.device if found and there else ""
 
     def take_monitor(self, latest_ns: int, name: str) -> str:
-        """Take the turn of the monitor that comes next, if one does, and return its limit; see `due_monitor`."""
+        """Consume the turn of the monitor that comes next, if any, and return its limit; see `due_monitor`."""
         limit = self.due_monitor(latest_ns, name)
         if limit and self._next:
             self.take(limit, self._next.name)
         return limit
 
     def comes(self, name: str, latest_ns: int) -> bool:
-        """Return whether this operation comes next in the record, at `latest_ns` or before."""
+        """Return whether this operation comes next in the record, no later than `latest_ns`."""
         found = self._next
         return found is not None and found.name == name and found.start_ns <= latest_ns
 
     def next_if(self, name: str) -> Operation | None:
-        """Return the operation that comes next in the record if it is of this name."""
+        """Return the record's next operation if it has this name."""
         found = self._next
         return found if found is not None and found.name == name else None
 
     def next_is(self, device: str, *names: str) -> bool:
-        """Return whether one of these operations of a device comes next in the record."""
+        """Return whether the record's next operation is one of these of a device."""
         found = self._next
         return found is not None and found.device == device and found.name in names
 
     def take(self, device: str, name: str, sent: bytes = b"") -> Operation:
-        """Return the next operation if it is this one, and set the clock to its end.
+        """Consume the next operation, which must be this one, and set the clock to its end.
 
         Raises:
             Diverged: if another operation, device or other bytes were recorded here.
@@ -213,7 +213,7 @@ class Playback:
         return found
 
     def diverge(self, text: str) -> NoReturn:
-        """Tell that what is asked for is not what the record holds.
+        """Report that the requested operation is not the recorded one.
 
         Raises:
             Diverged: always.
@@ -247,7 +247,7 @@ class ReplayedStream:
         """Do nothing: closing is not recorded."""
 
     def dtr_rose(self) -> None:
-        """Take the recorded pulse."""
+        """Consume the recorded pulse."""
         self._take("pulse_dtr")
 
     def write(self, data: bytes) -> None:
@@ -255,7 +255,7 @@ class ReplayedStream:
         self._take("write", data)
 
     def exchange(self, data: bytes, timeout: float) -> bytes:
-        """Give what was received then; a record in parts holds a second look at the buffer before the question."""
+        """Return the recorded reply; a record in parts has a second look at the buffer before the query."""
         if not self._playback.in_parts:
             return self._take("exchange", data).received
         while self._playback.next_is(self._device, "waiting", "discard"):
@@ -269,11 +269,11 @@ class ReplayedStream:
         return self._take("read").received
 
     def waiting(self) -> int:
-        """Give the number that was waiting then."""
+        """Return the recorded number of waiting bytes."""
         return int.from_bytes(self._take("waiting").received)
 
     def discard(self) -> None:
-        """Take the recorded discard."""
+        """Consume the recorded discard."""
         self._take("discard")
 
     def _take(self, name: str, sent: bytes = b"") -> Operation:
@@ -323,7 +323,7 @@ class ReplayedBus:
         self._take("write_i2c_block_data", bytes([i2c_addr, register, *data]))
 
     def i2c_rdwr(self, *i2c_msgs: i2c_msg) -> None:
-        """Compare what is written with the record, and fill the reads from it."""
+        """Compare the writes with the record, and fill the reads from it."""
         received = self._take("i2c_rdwr", message_bytes(i2c_msgs))
         for message in (message for message in i2c_msgs if message.flags & _READ_FLAG):
             ctypes.memmove(message.buf, received, min(message.len, len(received)))

@@ -1,4 +1,4 @@
-"""A simulated I2C bus with smbus2's interface, for the devices that a world puts on it."""
+"""Simulated I2C bus with smbus2's interface, for a world's devices."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _READ_FLAG = 0x0001
 
 
 class SimulatedBus:
-    """One bus. Every message takes the time of its bits; nobody at an address is errno EREMOTEIO.
+    """One bus. Every message takes the time of its bits; an unused address is errno EREMOTEIO.
 
     Args:
         clock: the bench's clock.
@@ -40,7 +40,7 @@ class SimulatedBus:
         self._peers = {address: peer for peer in peers for address in peer.addresses}
 
     def transfer(self, messages: Sequence[Message]) -> list[bytes]:
-        """Run messages with repeated starts; return what each read gave.
+        """Run messages with repeated starts; return the bytes of each read.
 
         Raises:
             OSError: with errno EREMOTEIO where a device does not acknowledge.
@@ -60,15 +60,15 @@ class SimulatedBus:
         return replies
 
     def read_byte(self, i2c_addr: int) -> int:
-        """Return one byte without naming a register."""
+        """Read one byte without a register address."""
         return self.transfer([(i2c_addr, 1)])[0][0]
 
     def write_byte(self, i2c_addr: int, value: int) -> None:
-        """Write one byte without naming a register."""
+        """Write one byte without a register address."""
         self.transfer([(i2c_addr, bytes([value]))])
 
     def read_byte_data(self, i2c_addr: int, register: int) -> int:
-        """Return one byte of a register."""
+        """Read one byte from a register."""
         return self._registers(i2c_addr, register, 1)[0]
 
     def write_byte_data(self, i2c_addr: int, register: int, value: int) -> None:
@@ -76,21 +76,21 @@ class SimulatedBus:
         self.transfer([(i2c_addr, bytes([register, value]))])
 
     def read_word_data(self, i2c_addr: int, register: int) -> int:
-        """Return two bytes from a register on, low byte first."""
+        """Read two bytes starting at a register, low byte first."""
         return int.from_bytes(self._registers(i2c_addr, register, 2), "little")
 
     def write_word_data(self, i2c_addr: int, register: int, value: int) -> None:
-        """Write two bytes from a register on, low byte first."""
+        """Write two bytes starting at a register, low byte first."""
         self.transfer([(i2c_addr, bytes([register]) + value.to_bytes(2, "little"))])
 
     def read_i2c_block_data(self, i2c_addr: int, register: int, length: int) -> list[int]:
-        """Return up to 32 bytes from a register on."""
+        """Read up to 32 bytes starting at a register."""
         if length > _BLOCK:
             raise ValueError(f"a block holds {_BLOCK} bytes, not {length}")
         return list(self._registers(i2c_addr, register, length))
 
     def write_i2c_block_data(self, i2c_addr: int, register: int, data: Sequence[int]) -> None:
-        """Write up to 32 bytes from a register on."""
+        """Write up to 32 bytes starting at a register."""
         if len(data) > _BLOCK:
             raise ValueError(f"a block holds {_BLOCK} bytes, not {len(data)}")
         self.transfer([(i2c_addr, bytes([register, *data]))])

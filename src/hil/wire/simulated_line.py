@@ -1,4 +1,4 @@
-"""A simulated byte stream: the line's speed, its finite buffer, and the peer at its end."""
+"""Simulated byte stream: line speed, finite receive buffer, and the peer at its far end."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ _MOST_LOOKS_AT_ONE_INSTANT = 100_000
 class SimulatedLine(Stateful):
     """The stream between a port and its peer.
 
-    Both directions take the time that their bits take at `baud`; 0 stands for a network, whose
-    latency is the peer's own. What the host does not fetch overflows after `buffer` bytes: the
-    bytes are lost, as they are in a driver's ring, and counted in `lost`. Of a network they wait at
-    the other end, and nothing is lost.
+    Both directions take the time of their bits at `baud`; 0 stands for a network, whose latency is
+    the peer's own. Bytes that the host does not fetch overflow after `buffer` bytes: they are lost,
+    as in a driver's ring buffer, and counted in `lost`. On a network they wait at the other end, and
+    nothing is lost.
 
     Args:
         device: the instrument's name, for messages.
         peer: the simulated instrument.
         clock: the bench's clock.
-        number: the device's place in the bench file; it orders events of one instant.
+        number: the device's position in the bench file; it orders simultaneous events.
         baud: bits per second, 0 for a network.
-        buffer: bytes that the host's side holds.
+        buffer: size of the host's receive buffer in bytes.
     """
 
     _received: Kept[bytearray]
@@ -60,40 +60,40 @@ class SimulatedLine(Stateful):
 
     @property
     def lost(self) -> int:
-        """How many bytes overflowed."""
+        """Number of bytes lost by overflow."""
         self._arrive()
         return self._lost
 
     @property
     def quiet(self) -> bool:
-        """Whether no byte is on its way to the host."""
+        """Whether no byte is in transit to the host."""
         self._arrive()
         return not self._on_the_way
 
     def opened(self) -> None:
-        """Start with an empty buffer, and let the peer notice where it can."""
+        """Start with an empty buffer, and notify the peer if it detects opening."""
         self.discard()
         self._open = True
         self.dtr_rose()
 
     def dtr_rose(self) -> None:
-        """Let the peer notice where it can, as when the port is opened; what was received stays."""
+        """Notify the peer if it detects DTR, as at opening; received bytes stay."""
         if isinstance(self._peer, Openable):
             self._peer.opened()
 
     def closed(self) -> None:
-        """Drop what comes from now on."""
+        """Drop all further bytes."""
         self._arrive()
         self._open = False
 
     def write(self, data: bytes) -> None:
-        """Let the bits take their time, then give the bytes to the peer."""
+        """Let the time of the bits pass, then pass the bytes to the peer."""
         if self._ns_per_byte:
             self._clock.wait_until(self._now_ns() + len(data) * self._ns_per_byte)
         self._peer.receive(data)
 
     def exchange(self, data: bytes, timeout: float) -> bytes:
-        """Write, let time pass until a byte is here or the timeout is over, and give what is here."""
+        """Write, let time pass until a byte arrives or the timeout expires, and return the received bytes."""
         deadline_ns = self._now_ns() + round(timeout * NANOSECONDS)
         self.write(data)
         if self._on_the_way:
@@ -105,7 +105,7 @@ class SimulatedLine(Stateful):
         return received
 
     def read(self, size: int, timeout: float) -> bytes:
-        """Let time pass until `size` bytes are here, or until the timeout."""
+        """Let time pass until `size` bytes have arrived, or the timeout expires."""
         if self._on_the_way:
             self._arrive()
         received = self._received
@@ -116,7 +116,7 @@ class SimulatedLine(Stateful):
         return data
 
     def waiting(self) -> int:
-        """Return the bytes at hand; looking for ever without letting time pass is an error."""
+        """Return the number of received bytes; polling for ever without letting time pass is an error."""
         now_ns = self._now_ns()
         self._looks = self._looks + 1 if now_ns == self._last_look_ns else 0
         self._last_look_ns = now_ns
@@ -126,7 +126,7 @@ class SimulatedLine(Stateful):
         return len(self._received)
 
     def discard(self) -> None:
-        """Throw received bytes away."""
+        """Discard received bytes."""
         self._arrive()
         self._received.clear()
 
@@ -145,7 +145,7 @@ class SimulatedLine(Stateful):
         return super().state()
 
     def _wait(self, size: int, deadline_ns: int) -> None:
-        """Let time pass until so many bytes are here, with an event wherever some arrive."""
+        """Let time pass until `size` bytes have arrived, with an event at each arrival."""
         for arrives_ns, _ in self._on_the_way:
             self._clock.at(arrives_ns, self._arrive, device=self._number)
         self._awaited = True
@@ -156,7 +156,7 @@ class SimulatedLine(Stateful):
         self._arrive()
 
     def _arrive(self) -> None:
-        """Take the bytes that have come by now; while nobody looks, nothing has to happen for them."""
+        """Receive the bytes that have arrived by now; unobserved arrivals need no events."""
         way = self._on_the_way
         if not way:
             return

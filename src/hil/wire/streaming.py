@@ -46,11 +46,11 @@ StreamTransfer = RegisterRead | FifoRead
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StreamFrame:
-    """What one turn of a stream brought.
+    """Result of one trigger of a stream.
 
     Attributes:
-        number: counted by the device from 0; a frame that was lost leaves its number out.
-        lost: frames that the device itself had to drop since the stream began.
+        number: counted by the device from 0; a lost frame leaves a gap.
+        lost: number of frames dropped by the device itself since the stream began.
         device_s: device time of the trigger in s, unwrapped, from the device's start.
         replies: the raw bytes of every transfer, in the order of the program; None if the device did not
             acknowledge.
@@ -64,12 +64,12 @@ class StreamFrame:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StreamSummary:
-    """How a stream went.
+    """Statistics of a stream.
 
     Attributes:
         frames: frames received.
         lost: frames that never came, dropped by the device or lost on the way.
-        drift: rate of the device's clock against the host's minus 1 (1e-6 is 1 ppm), None if unknown.
+        drift: rate of the device's clock relative to the host's, minus 1 (1e-6 is 1 ppm); None if unknown.
         drift_uncertainty: standard uncertainty of `drift`.
         offset_s: host time minus device time at the end, in s.
     """
@@ -85,7 +85,7 @@ class BusStream(Protocol):
     """A running stream."""
 
     def frames(self) -> Sequence[StreamFrame]:
-        """Return the frames that have come and were not fetched yet, in order; never waits longer than one frame lasts.
+        """Return the frames received since the last call, in order; waits at most for the duration of one frame.
 
         Raises:
             DeviceFault: if the link is silent or answers nonsense, or its device restarted.
@@ -93,22 +93,22 @@ class BusStream(Protocol):
         ...
 
     def stop(self) -> StreamSummary:
-        """End the stream and return how it went."""
+        """End the stream and return its statistics."""
         ...
 
 
 class StreamingBus(I2cBus, Protocol):
-    """An I2C bus of a device that runs transfers on its own timer, or on an interrupt line."""
+    """An I2C bus of a device that runs transfers autonomously, by timer or interrupt line."""
 
     @property
     def device(self) -> str:
-        """The name of the device that serves the bus: it is to blame for what the link does."""
+        """Name of the device that serves the bus, which faults of the link are attributed to."""
         ...
 
     def start_stream(
         self, transfers: Sequence[StreamTransfer], *, period_s: float | None = None, line: int | None = None
     ) -> BusStream:
-        """Let the device run `transfers` every `period_s`, or at every rising edge of interrupt line `line`.
+        """Have the device run `transfers` every `period_s`, or at every rising edge of interrupt line `line`.
 
         Raises:
             Rejected: if the device cannot run this program.

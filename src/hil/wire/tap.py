@@ -1,4 +1,4 @@
-"""Taps: the only way to a port or a bus, so that no byte passes unrecorded."""
+"""Taps: the only access to a port or bus, so that no byte passes unrecorded."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 __all__ = ["LONGEST_TRANSACTION", "LONGEST_WAIT", "Opened", "TappedBus", "TappedPort", "message_bytes"]
 
 LONGEST_TRANSACTION = 0.5
-"""Seconds that one operation may take at most: nothing looks at stop flags and monitors in the meantime."""
+"""Longest duration of one operation in s, during which stop flags and monitors are not serviced."""
 
 LONGEST_WAIT = 2.0
-"""Seconds that a reply may be waited for, in several operations, between which the guardian hears of the run."""
+"""Longest wait for a reply in s, in several operations with guardian heartbeats in between."""
 
 _DTR_LOW_S = 0.1  # the capacitor at DTR is charged in a few ms
 _READ_FLAG = 0x0001
@@ -31,7 +31,7 @@ _Result = TypeVar("_Result")
 
 
 class Opened(Protocol):
-    """An open port, as `hil.wire.protocols` make it: the far end of its stream, and how it is let go of."""
+    """An open port of `hil.wire.protocols`: the far end of its stream, and its closing."""
 
     @property
     def end(self) -> FarEnd:
@@ -44,7 +44,7 @@ class Opened(Protocol):
 
 
 class _Tap:
-    """What both taps do: time an operation, note it with its bytes, and turn a lost port into a fault."""
+    """Base of both taps: times an operation, records it with its bytes, and turns a lost port into a fault."""
 
     def __init__(self, device: str, clock: Clock, transcript: Transcript) -> None:
         self.device = device
@@ -83,11 +83,11 @@ class TappedPort(_Tap):
         device: the instrument's name.
         port: the open port, whatever its URL.
         clock: the bench's clock.
-        transcript: where operations are noted.
-        timeout: seconds that a read waits, 2 at most; beyond 0.5 in several operations of equal length.
+        transcript: records the operations.
+        timeout: read timeout [s], 2 at most; above 0.5 split into several operations of equal length.
 
     Attributes:
-        silences: how often a read that waited for long, as one does for a reply, ended without a byte.
+        silences: number of long reads, as for a reply, that ended without a byte.
     """
 
     def __init__(
@@ -110,7 +110,7 @@ class TappedPort(_Tap):
 
     @property
     def timeout(self) -> float:
-        """Seconds that a read waits."""
+        """Read timeout in s."""
         return self._timeout
 
     @timeout.setter
@@ -149,7 +149,7 @@ class TappedPort(_Tap):
         return len(data)
 
     def exchange(self, data: bytes) -> bytes:
-        """Write all bytes, and return what comes: the first byte within the timeout, and what is there with it."""
+        """Write all bytes, and return the first byte received within the timeout and all that arrived with it."""
         start_ns = self._now_ns()
         try:
             received = self._end.exchange(data, self._slice_s)
@@ -163,7 +163,7 @@ class TappedPort(_Tap):
         return received
 
     def read(self, size: int = 1) -> bytes:
-        """Return `size` bytes, or what came until the timeout."""
+        """Return `size` bytes, or fewer at the timeout."""
         if not self._ahead:
             return self._read(size) if size else b""
         ahead = bytes(self._ahead[:size])
@@ -172,7 +172,7 @@ class TappedPort(_Tap):
         return ahead + self._read(missing) if missing else ahead
 
     def read_line(self, terminator: bytes = b"\n", limit: int = 4096) -> bytes:
-        """Return bytes up to and with `terminator`; without it at the end they are what came until the timeout."""
+        """Return bytes up to and including `terminator`, or without it at the timeout."""
         while (end := self._ahead.find(terminator)) < 0 and len(self._ahead) < limit:
             first = self._read(1)
             if not first:
@@ -183,12 +183,12 @@ class TappedPort(_Tap):
         return self.read(end + len(terminator) if end >= 0 else limit)
 
     def reset_input_buffer(self) -> None:
-        """Throw away what was received and not read."""
+        """Discard received bytes not read yet."""
         self._ahead.clear()
         self._guard(lambda: self._operate("discard", self._end.discard))
 
     def pulse_dtr(self) -> None:
-        """Let the modem line DTR fall, and rise after 0.1 s."""
+        """Pulse the modem line DTR low for 0.1 s."""
         self._guard(lambda: self._operate("pulse_dtr", self._pulse))
 
     def close(self) -> None:
@@ -207,7 +207,7 @@ class TappedPort(_Tap):
         return data
 
     def _read_on(self, size: int) -> bytes:
-        """Read in the operations of the timeout that are left after the first one, until all is there."""
+        """Read in the operations left of the timeout after the first, until complete."""
         data = b""
         for _ in range(self._slices - 1):
             data += self._read_once(size - len(data))
@@ -232,7 +232,7 @@ class TappedPort(_Tap):
             raise self._gone(error) from error
 
     def _gone(self, error: Exception) -> NoReply:
-        """Return how it is reported: no more than the transcript holds, so that a replay reports the same."""
+        """Return the fault of a lost port, from the transcript's content only, so that a replay reports the same."""
         number = getattr(error, "errno", None)
         if number == errno.EINTR:
             return NoReply(self.device, "not asked, because somebody asked to stop", "see who stopped it, and why")
@@ -252,15 +252,15 @@ class TappedBus(_Tap):
         self._bus = bus
 
     def read_byte(self, i2c_addr: int) -> int:
-        """Return one byte without naming a register."""
+        """Read one byte without a register address."""
         return self._number("read_byte", lambda: self._bus.read_byte(i2c_addr), 1, bytes([i2c_addr]))
 
     def write_byte(self, i2c_addr: int, value: int) -> None:
-        """Write one byte without naming a register."""
+        """Write one byte without a register address."""
         self._operate("write_byte", lambda: self._bus.write_byte(i2c_addr, value), sent=bytes([i2c_addr, value]))
 
     def read_byte_data(self, i2c_addr: int, register: int) -> int:
-        """Return one byte of a register."""
+        """Read one byte from a register."""
         sent = bytes([i2c_addr, register])
         return self._number("read_byte_data", lambda: self._bus.read_byte_data(i2c_addr, register), 1, sent)
 
@@ -273,12 +273,12 @@ class TappedBus(_Tap):
         )
 
     def read_word_data(self, i2c_addr: int, register: int) -> int:
-        """Return two bytes from a register on, low byte first."""
+        """Read two bytes starting at a register, low byte first."""
         sent = bytes([i2c_addr, register])
         return self._number("read_word_data", lambda: self._bus.read_word_data(i2c_addr, register), 2, sent)
 
     def write_word_data(self, i2c_addr: int, register: int, value: int) -> None:
-        """Write two bytes from a register on, low byte first."""
+        """Write two bytes starting at a register, low byte first."""
         self._operate(
             "write_word_data",
             lambda: self._bus.write_word_data(i2c_addr, register, value),
@@ -286,7 +286,7 @@ class TappedBus(_Tap):
         )
 
     def read_i2c_block_data(self, i2c_addr: int, register: int, length: int) -> list[int]:
-        """Return up to 32 bytes from a register on."""
+        """Read up to 32 bytes starting at a register."""
         return self._operate(
             "read_i2c_block_data",
             lambda: self._bus.read_i2c_block_data(i2c_addr, register, length),
@@ -295,7 +295,7 @@ class TappedBus(_Tap):
         )
 
     def write_i2c_block_data(self, i2c_addr: int, register: int, data: Sequence[int]) -> None:
-        """Write up to 32 bytes from a register on."""
+        """Write up to 32 bytes starting at a register."""
         self._operate(
             "write_i2c_block_data",
             lambda: self._bus.write_i2c_block_data(i2c_addr, register, data),
@@ -316,7 +316,7 @@ class TappedBus(_Tap):
 
 
 def message_bytes(messages: Sequence[i2c_msg]) -> bytes:
-    """Return what identifies combined messages: address, direction and length of each, and what is written."""
+    """Return the identifying bytes of combined messages: address, direction, length, and data written."""
     parts = []
     for message in messages:
         reading = message.flags & _READ_FLAG

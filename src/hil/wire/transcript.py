@@ -1,4 +1,4 @@
-"""The transcript: every operation on every port and bus, in the order in which it happened."""
+"""The transcript: every operation on every port and bus, in order of occurrence."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ __all__ = [
 
 _COLUMNS = "sequence\tdevice\toperation\tstart_ns\tend_ns\tsent\treceived\terror\n"
 HEADER = f"hil/transcript/9 {_COLUMNS}"
-"""The first line: format and columns, as many of them as every line has."""
+"""The first line: format and column names."""
 
 _FORMATS = {
     HEADER: 9,
@@ -66,18 +66,18 @@ class Operation:
 
 
 class Transcript:
-    """Collects operations as they happen; one for all devices, so that their order is kept.
+    """Collects operations as they happen, for all devices together, to preserve their order.
 
-    Lines wait in memory until `flush`, so that a full disk never looks like a fault of a device.
+    Lines are buffered until `flush`, so that a full disk never looks like a fault of a device.
 
     Args:
-        sink: an unbuffered file; None keeps none, for benches whose bytes nobody asks for. One that exists is opened
-            for appending.
-        past: the lines that the file holds already; the first operations have to be the same, and are not written
-            again.
+        sink: an unbuffered file, opened for appending if it exists; None for benches whose bytes are not
+            kept.
+        past: the lines already in the file; the first operations must match them, and are not written
+            twice.
 
     Attributes:
-        at_divergence: hears of an operation that is another one than the file holds, before it is raised.
+        at_divergence: called with an operation that differs from the file's, before it is raised.
     """
 
     def __init__(self, sink: FileIO | None, past: Iterator[str] | None = None) -> None:
@@ -91,16 +91,16 @@ class Transcript:
 
     @property
     def operations(self) -> int:
-        """How many operations were noted."""
+        """Number of operations recorded."""
         return self._sequence
 
     @property
     def comes_again(self) -> bool:
-        """Whether the file holds operations that have not come again yet."""
+        """Whether the file has operations that are yet to be repeated."""
         return bool(self._held)
 
     def next_is(self, device: str, name: str) -> bool:
-        """Return whether the next operation that has to come again is this one."""
+        """Return whether this is the next operation to be repeated."""
         return bool(self._held) and self._held.split("\t", 3)[1:3] == [device, name]
 
     def note(
@@ -113,10 +113,10 @@ class Transcript:
         received: bytes = b"",
         error: str = "",
     ) -> None:
-        """Take one operation.
+        """Record one operation.
 
         Raises:
-            Diverged: if the file holds another one in its place.
+            Diverged: if the file has a different one in its place.
         """
         if self._sink is None:
             return
@@ -128,13 +128,13 @@ class Transcript:
             self._lines.append(line)
 
     def skip(self, operations: int) -> None:
-        """Pass over what the file holds up to that number of operations: they are not done again."""
+        """Skip the file's operations up to that number, which are not repeated."""
         while self._held and self._sequence < operations:
             self._held = next(self._past, "")
             self._sequence += 1
 
     def flush(self) -> None:
-        """Hand what is waiting to the operating system; what finds no space keeps waiting.
+        """Write buffered lines to the operating system; lines that find no space stay buffered.
 
         Raises:
             OSError: if the disk is full or fails.
@@ -148,7 +148,7 @@ class Transcript:
             del self._waiting[:written]
 
     def sync(self) -> None:
-        """Bring it all to the disk.
+        """Flush everything to disk.
 
         Raises:
             OSError: if the disk is full or fails.
@@ -158,7 +158,7 @@ class Transcript:
             os.fsync(self._sink.fileno())
 
     def _compare(self, line: str) -> None:
-        """Compare an operation with the one that the file holds in its place."""
+        """Compare an operation with the file's in its place."""
         held = self._held
         if held != line:
             error = Diverged(f"transcript: {line.strip()[:_SHOWN]!r}, but the record holds {held.strip()[:_SHOWN]!r}")
@@ -168,7 +168,7 @@ class Transcript:
 
 
 def past_lines(path: Path) -> Iterator[str] | None:
-    """Cut a torn last line off a transcript, and return its lines below the header; None if there is no header yet.
+    """Truncate a torn last line of a transcript, and return its lines below the header; None without a header.
 
     Raises:
         EvidenceError: as `read_transcript`.
@@ -193,7 +193,7 @@ def format_of(path: Path) -> int:
 
 
 def count_operations(path: Path) -> int:
-    """Return how many whole operations a transcript holds.
+    """Return the number of complete operations in a transcript.
 
     Raises:
         EvidenceError: as `read_transcript`.
@@ -202,7 +202,7 @@ def count_operations(path: Path) -> int:
 
 
 def damaged_lines(path: Path) -> Iterator[tuple[int, str]]:
-    """Yield number and message of every line of a transcript that cannot be read; a torn last one is left out.
+    """Yield number and message of every damaged line of a transcript, except a torn last one.
 
     Raises:
         EvidenceError: if the file is missing.
@@ -219,7 +219,7 @@ def damaged_lines(path: Path) -> Iterator[tuple[int, str]]:
 
 
 def _wrong(fields: list[str], sequence: int) -> str:
-    """Return what is wrong with the fields of a line, empty where nothing is."""
+    """Return what is wrong with the fields of a line, empty if nothing is."""
     names = _COLUMNS.split()
     if len(fields) != _FIELDS:
         return f"expected {_FIELDS} fields ({', '.join(names)}), found {len(fields)}"
@@ -232,7 +232,7 @@ def _wrong(fields: list[str], sequence: int) -> str:
 
 
 def read_transcript(path: Path) -> Iterator[Operation]:
-    """Yield the operations of a transcript; a torn last line is left out.
+    """Yield the operations of a transcript, except a torn last line.
 
     Raises:
         EvidenceError: if the file is missing, is not a transcript, or a line of it is damaged.
@@ -245,7 +245,7 @@ def read_transcript(path: Path) -> Iterator[Operation]:
 
 
 def _lines(path: Path) -> Iterator[str]:
-    """Yield the header of a transcript, and then every line, also a torn one."""
+    """Yield the header of a transcript, and then every line, including a torn one."""
     if not path.is_file():
         raise EvidenceError(f"{path} is missing", "without its transcript a run cannot be replayed")
     with path.open(encoding="ascii", errors="surrogateescape", newline="\n") as lines:

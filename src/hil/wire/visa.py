@@ -1,4 +1,4 @@
-"""The end of a port that PyVISA opens, where a bench file asks for it with `visa:`."""
+"""Far end of a port opened by PyVISA, selected by `visa:` in a bench file."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ _Result = TypeVar("_Result")
 
 
 class VisaStream(LineStream):
-    """An open port, by PyVISA and whatever VISA library it finds. See `hil.wire.exchange.FarEnd`.
+    """A port opened by PyVISA and the VISA library it finds. See `hil.wire.exchange.FarEnd`.
 
-    The library's session belongs to this process. So the descriptor carries no byte of it: it only shows others, by
+    The library's session belongs to this process. So the descriptor carries no data: it only signals to others, by
     hanging up, that the session was lost.
 
     Args:
         device: the instrument's name.
-        port: as in the bench file, with `visa:`.
-        baud: of a serial line, 9600 where it is 0.
+        port: port as in the bench file, with `visa:`.
+        baud: baud rate of a serial line, 9600 if 0.
 
     Raises:
         NoReply: if PyVISA or its library is missing, or it cannot open the port.
@@ -46,7 +46,7 @@ class VisaStream(LineStream):
 
 
 def why_not_shared(port: str) -> str:
-    """Return why the guardian has no way to a port that PyVISA has opened for the run; nothing where it has one."""
+    """Return why the guardian cannot reach a port that PyVISA opened for the run; empty if it can."""
     name = bare(port)
     if name == port:
         return ""
@@ -74,7 +74,7 @@ def _resource(device: str, port: str, baud: int) -> Any:  # noqa: ANN401 - PyVIS
         resource: Any = manager.open_resource(bare(port), open_timeout=_OPENED_MS)
         if bare(port).upper().startswith("ASRL"):
             resource.baud_rate = baud or 9600
-    except Exception as error:  # libraries raise what they like
+    except Exception as error:  # libraries raise arbitrary exceptions
         hint = "check the name with 'pyvisa-info' and 'pyvisa-shell', its cable and its power"
         raise NoReply(device, f"{port} cannot be opened by PyVISA ({_line(error)})", hint) from error
     return resource
@@ -85,7 +85,7 @@ def _line(error: Exception) -> str:
 
 
 class _Session:
-    """PyVISA's session as one that passes whole messages. See `hil.guardian.ports.messages.Messenger`.
+    """PyVISA session as a carrier of whole messages. See `hil.guardian.ports.messages.Messenger`.
 
     Attributes:
         descriptor: hangs up once the session is lost.
@@ -117,10 +117,10 @@ class _Session:
         return self._alive(lambda: self._resource.read_bytes(1)) or b""
 
     def clear(self, seconds: float) -> None:
-        """Let the instrument forget what it has received, and what it was going to say.
+        """Clear the instrument's input and output buffers.
 
-        PyVISA-py loses its place where a late reply comes instead of the acknowledgement. So one that is here already
-        is fetched first. Where it comes meanwhile, a new session begins, which takes a few tenths of a second.
+        PyVISA-py loses synchronisation if a late reply comes instead of the acknowledgement. So a reply already here is
+        fetched first. If one comes meanwhile, a new session is opened, which takes a few tenths of a second.
         """
         if self._owes:
             self.receive(_DRAINED_MS / 1000)
@@ -140,17 +140,17 @@ class _Session:
         self._far.close()
 
     def _end(self) -> None:
-        with suppress(Exception):  # it is gone, which is what was wanted
+        with suppress(Exception):  # already gone, as intended
             self._resource.close()
 
     def _limit(self, seconds: float) -> None:
         self._alive(lambda: setattr(self._resource, "timeout", max(round(seconds * 1000), _LEAST_MS)))
 
     def _alive(self, operation: Callable[[], _Result], *, at_risk: bool = False) -> _Result | None:
-        """Do something; None where it took too long. A session that is lost hangs up, unless it was at risk.
+        """Run an operation; None on timeout. A lost session hangs up, unless `at_risk`.
 
         Raises:
-            OSError: if it is lost, with EOPNOTSUPP if it only cannot do that.
+            OSError: if it is lost, or with EOPNOTSUPP if the operation is not supported.
         """
         from pyvisa.constants import StatusCode  # noqa: PLC0415 - an extra
 
@@ -168,22 +168,22 @@ class _Session:
 
 
 class _ByteLine(Line):
-    """A serial line or a socket that PyVISA opened, with the interface of a line: bytes as they come."""
+    """A serial line or socket opened by PyVISA, with the interface of a byte line."""
 
-    def __init__(self, session: _Session) -> None:  # nothing of a descriptor is needed
+    def __init__(self, session: _Session) -> None:  # no descriptor is needed
         self.descriptor = session.descriptor
         self.busy_until = wall.monotonic()
         self._session = session
 
     def hear(self, until: float) -> bytes:
-        """Return the first bytes that come, empty if none come by the deadline. See `Line.hear`."""
+        """Return the first bytes received, empty if none arrive by the deadline. See `Line.hear`."""
         data = tried(lambda: self._session.some(max((until - wall.monotonic()) * 1000, _DRAINED_MS)))
         while data and (more := tried(lambda: self._session.some(_DRAINED_MS))):
             data += more
         return data
 
     def say(self, data: bytes, until: float) -> int:
-        """Write all bytes; return how many were taken. See `Line.say`."""
+        """Write all bytes; return the number accepted. See `Line.say`."""
         tried(lambda: self._session.send(data, max(until - wall.monotonic(), _DRAINED_MS / 1000)))
         return len(data)
 

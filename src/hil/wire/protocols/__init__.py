@@ -12,10 +12,10 @@ __all__ = ["UrlPort"]
 
 
 class UrlPort(SerialBase):
-    """What both URL schemes share: the stream is looked up at open, and every operation goes to it.
+    """Base of the URL schemes: the stream is looked up at open, and every operation is delegated to it.
 
-    Of the modem lines the far end learns when DTR rises; the others are constant. `read_until` reads byte by
-    byte on the bench's clock; the one of pyserial would look at wall time.
+    Of the modem lines only a rise of DTR reaches the far end; the others are constant. `read_until` reads byte by
+    byte on the bench's clock, because pyserial's version uses wall time.
     """
 
     scheme: ClassVar[str] = ""
@@ -23,7 +23,7 @@ class UrlPort(SerialBase):
     _stream: FarEnd | None = None
 
     def open(self) -> None:
-        """Find the stream of the URL and tell it."""
+        """Look up the URL's stream, and notify it."""
         stream = find_stream(self.portstr or "")
         if stream is None:
             raise SerialException(f"nothing answers at {self.portstr}")
@@ -32,7 +32,7 @@ class UrlPort(SerialBase):
         stream.opened()
 
     def close(self) -> None:
-        """Tell the stream and let go of it; closing twice is harmless."""
+        """Notify the stream and release it; closing twice is harmless."""
         if self._stream is not None:
             self._stream.closed()
         self._stream = None
@@ -40,17 +40,17 @@ class UrlPort(SerialBase):
 
     @property
     def in_waiting(self) -> int:
-        """The number of bytes that can be read at once."""
+        """The number of bytes that can be read without waiting."""
         return self.end.waiting()
 
     def read(self, size: int = 1, /) -> bytes:
-        """Return `size` bytes, or what came within the timeout; without a timeout it is refused."""
+        """Return `size` bytes, or fewer at the timeout; reading without a timeout is refused."""
         if self.timeout is None:
             raise SerialException(f"{self.portstr}: a read without a timeout could wait for ever")
         return self.end.read(size, self.timeout)
 
     def read_until(self, expected: bytes = b"\n", size: int | None = None) -> bytes:
-        """Return bytes up to and with `expected`, or `size` bytes, or what came until nothing did."""
+        """Return bytes up to and including `expected`, or `size` bytes, or fewer at the timeout."""
         line = bytearray()
         while not line.endswith(expected) and (size is None or len(line) < size):
             byte = self.read(1)
@@ -68,7 +68,7 @@ class UrlPort(SerialBase):
         """Return at once: a write ends when its last bit has left."""
 
     def reset_input_buffer(self) -> None:
-        """Throw away what was received and not read."""
+        """Discard received bytes not read yet."""
         self.end.discard()
 
     def reset_output_buffer(self) -> None:
@@ -76,21 +76,21 @@ class UrlPort(SerialBase):
 
     @property
     def end(self) -> FarEnd:
-        """The far end of the stream, which a tap talks to without a detour."""
+        """The far end of the stream, for direct use by a tap."""
         if self._stream is None:
             raise PortNotOpenError
         return self._stream
 
     def _reconfigure_port(self) -> None:
-        """Accept any setting; the speed of the line is the bench file's."""
+        """Accept any setting; the bench file sets the speed of the line."""
 
     def _update_rts_state(self) -> None:
-        """Accept it; no peer listens to RTS."""
+        """Accept it; no peer uses RTS."""
 
     def _update_dtr_state(self) -> None:
-        """Tell the far end that DTR rises; nobody listens to its fall."""
+        """Notify the far end of a rise of DTR; a fall is ignored."""
         if self.dtr:
             self.end.dtr_rose()
 
     def _update_break_state(self) -> None:
-        """Accept it; no peer listens to a break."""
+        """Accept it; no peer uses a break."""
