@@ -126,7 +126,7 @@ class Journal:
             raise Refused(f"{self._path.name} has one writer", "write from the process and thread that opened it")
         try:
             if self._lost:
-                self._tell_lost(t)
+                self._record_lost(t)
             number = self._append(event, t, beside)
         except OSError as error:
             if error.errno not in DISK_FULL:
@@ -148,7 +148,7 @@ class Journal:
             OSError: if the disk is full, and there is no reserve to release.
         """
         if self._lost:
-            self._tell_lost(self._last_t)
+            self._record_lost(self._last_t)
         if self._waits_since is not None and self._now() - self._waits_since >= _OLDEST_S:
             self._sync()
 
@@ -175,6 +175,11 @@ class Journal:
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
         self.close()
+
+    def _record_lost(self, t: float) -> None:
+        """Record how many events found no space."""
+        self._append(Anomaly(text=_LOST.format(self._lost)), t, NOTHING)
+        self._lost = 0
 
     def _continue_journal(self) -> None:
         reading = read_journal(self._path)

@@ -160,13 +160,7 @@ def finish(folder: Path, write_reports: ReportWriter) -> str:
 
 
 def _enter(folder: Path, reading: JournalReading, otherwise: str) -> EvidenceError | None:
-    """Enter a seal in the ledger of the folder of reports; if that fails, return why: evidence does not wait.
-
-    Args:
-        folder: the run's folder.
-        reading: its journal.
-        otherwise: the message for that case, to which the reason is added.
-    """
+    """Enter a seal in the ledger; if that fails, return `otherwise` with the reason: evidence does not wait."""
     state = fold(reading.events)
     run = state.run
     sealed = Sealed(

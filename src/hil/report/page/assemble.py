@@ -84,11 +84,9 @@ def assemble(material: Material, evidence_digest: str) -> RunView:
         EvidenceError: where the results say what this version does not know.
     """
     events, results = material.events(), material.results()
-    placed, run, bench = attributed(events), results.run, parse(material.text(_BENCH), _BENCH)
-    checks = [each for each in placed if isinstance(each.event, Check)]
-    others = [each for each in placed if not isinstance(each.event, Check)]
+    run, bench = results.run, parse(material.text(_BENCH), _BENCH)
+    checks, others = _checks_and_others(events)
     entries, names, drawn = requirement_entries(material), _names(results), _drawn(material, events, bench)
-    cases = _cases(others, results, drawn)
     return RunView(
         title=", ".join(run.plans) if run else "",
         subject=subject(results),
@@ -113,7 +111,7 @@ def assemble(material: Material, evidence_digest: str) -> RunView:
         headlines=headlines(checks),
         charts=chart_graphics(_charts(others)),
         checks=check_groups(checks, names),
-        cases=cases,
+        cases=(cases := _cases(others, results, drawn)),
         procedure=case_groups(cases),
         watched=watched_rows(others),
         watched_graphics=drawn.get("", ()),
@@ -135,6 +133,13 @@ def assemble(material: Material, evidence_digest: str) -> RunView:
         evidence_digest=evidence_digest,
         ledger_head=material.ledger_head(),
     )
+
+
+def _checks_and_others(events: Sequence[Event]) -> tuple[list[Placed], list[Placed]]:
+    """Return the checks among the events, and all other events, each with the case and step that it belongs to."""
+    placed = attributed(events)
+    checks = [each for each in placed if isinstance(each.event, Check)]
+    return checks, [each for each in placed if not isinstance(each.event, Check)]
 
 
 def _drawn(material: Material, events: Sequence[Event], bench: Body) -> Mapping[str, tuple[Graphic, ...]]:
