@@ -1,4 +1,4 @@
-"""Every attack on a verdict has tests that are there, and what is said stands in them."""
+"""Every attack on a verdict has tests that exist, and that quote its response."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from proven_tables import proofs_of, rows_of, texts_in, why_none
 from workspaces import ROOT
 
 PAGE = ROOT / "docs" / "explanations" / "attacks.md"
-COLUMNS = ["no", "attack", "what is said", "proven by"]
+COLUMNS = ["no", "attack", "response", "proven by"]
 ROWS = rows_of(PAGE, COLUMNS)
 READERS = re.compile(
     r"^\s*(?:from|import) (?:zipfile|tarfile|shelve|pickle|defusedxml|lxml|xml\.sax|xml\.dom)\b"
@@ -21,7 +21,7 @@ READERS = re.compile(
 def missing(row):
     """Return the sentences of a row that stand in none of its tests."""
     texts = tuple(texts_in(proofs_of(row)))
-    sentences = re.findall(r"`([^`]+)`", row["what is said"])
+    sentences = re.findall(r"`([^`]+)`", row["response"])
     parts = [part for sentence in sentences for part in sentence.split("…") if part]
     return [part for part in parts if not any(part in text for text in texts)]
 
@@ -42,7 +42,7 @@ def test_an_attack_has_its_tests_and_its_sentences(row):
 
 def test_a_sentence_that_nothing_asserts_is_found():
     """The look at sentences is no formality."""
-    assert missing({**ROWS[0], "what is said": "`SIMULATED: psu1` … `all is well`"}) == ["all is well"]
+    assert missing({**ROWS[0], "response": "`SIMULATED: psu1` … `all is well`"}) == ["all is well"]
 
 
 def test_nothing_unpacks_archives_reads_xml_or_makes_objects_of_bytes():
