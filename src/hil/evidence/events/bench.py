@@ -24,7 +24,7 @@ __all__ = [
 
 
 class Gate(Event, frozen=True, kw_only=True):
-    """A condition of readiness.
+    """A readiness condition.
 
     Attributes:
         name: its name.
@@ -84,8 +84,8 @@ class MonitorLate(Event, frozen=True, kw_only=True):
 
     Attributes:
         limit: the limit's id.
-        late: by how many seconds.
-        text: the same in words.
+        late: the delay in s.
+        text: a description in words.
     """
 
     limit: str
@@ -100,7 +100,7 @@ class Trip(Event, frozen=True, kw_only=True):
         limit: the limit's id.
         value: what was read, null if nothing was.
         unit: its unit.
-        text: the same in words.
+        text: a description in words.
     """
 
     limit: str
@@ -177,7 +177,7 @@ class HoldRefused(Event, frozen=True, kw_only=True):
     """A hold or a release was refused.
 
     Attributes:
-        by: who asked for it.
+        by: who requested it.
         text: why.
     """
 
@@ -209,7 +209,7 @@ class Hold(Event, frozen=True, kw_only=True):
     """Every output was brought to its hold state.
 
     Attributes:
-        by: who asked for it.
+        by: who requested it.
         text: why.
         outputs: the outcome for each output.
     """
@@ -225,7 +225,7 @@ class HoldEnd(Event, frozen=True, kw_only=True):
     """A hold has ended.
 
     Attributes:
-        how: `released`, or `ended` if the run ended in it.
+        how: `released`, or `ended` if the run ended during it.
         by: who released it.
         text: the remark that came with the release.
         duration: bench time in s that it lasted.

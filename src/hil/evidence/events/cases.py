@@ -30,7 +30,7 @@ class Case(Event, frozen=True, kw_only=True):
 
     Attributes:
         case: its id.
-        attempt: which attempt it is, from 1.
+        attempt: the number of the attempt, from 1.
     """
 
     case: str
@@ -44,12 +44,12 @@ class CaseEnd(Event, frozen=True, kw_only=True):
 
     Attributes:
         case: its id.
-        attempt: which attempt it is, from 1.
+        attempt: the number of the attempt, from 1.
         verdict: the case's verdict.
-        reasons: why, a sentence each.
+        reasons: the reasons, a sentence each.
         requirements: the verdict on each requirement of the case.
         duration: bench time in s that it took.
-        used: the instruments that it used, with their source.
+        used: the instruments that it used, with their sources.
     """
 
     case: str
@@ -80,7 +80,7 @@ class Step(Event, frozen=True, kw_only=True):
 
     Attributes:
         case: its case.
-        path: the titles of the steps that it is in, the outermost first, its own last.
+        path: the titles of its enclosing steps, the outermost first, and its own last.
         number: its number, such as `1.2`.
         turn: which turn of a loop it is, from 1, if it is in one.
     """
@@ -114,13 +114,13 @@ class StepEnd(Event, frozen=True, kw_only=True):
 
 
 class Effect(Event, frozen=True, kw_only=True):
-    """A call of a case that reaches the world, keyed so that it can be run again.
+    """A call of a case that reaches the bench or a person, keyed so that it can be repeated.
 
     Attributes:
         case: its case.
         step: the number of its step, empty outside steps.
-        name: what was called, such as `supply.coil.configure`.
-        ordinal: which call of that name in that step it is, from 1.
+        name: the name of the call, such as `supply.coil.configure`.
+        ordinal: the number of the call of that name in that step, from 1.
         effect: what the call does: `drives`, `reads`, `waits`, `records` or `asks`.
         arguments: the arguments as JSON.
         result: the result as JSON, null if there is none.
@@ -145,8 +145,8 @@ class Bounds(Part, frozen=True, kw_only=True):
     """The limit of a check as the catalogue writes it, in `limit_unit`.
 
     Attributes:
-        min: the least value, null without one.
-        max: the largest value, null without one.
+        min: the lowest value, null without one.
+        max: the highest value, null without one.
         equals: the expected word, null for numbers.
     """
 
@@ -163,7 +163,7 @@ class Check(Event, frozen=True, kw_only=True):
         step: the number of its step, empty outside steps.
         requirement: the requirement.
         parameter: the parameter of its limit.
-        of: which member of the limit's denominator, null without one.
+        of: the axis or channel of the limit, null without one.
         value: a number in `unit`, a word, or null for a number that is not finite.
         unit: the unit of value and uncertainty.
         uncertainty: combined standard uncertainty, null if unknown.
@@ -177,7 +177,7 @@ class Check(Event, frozen=True, kw_only=True):
         verdict: the verdict.
         reason: why, empty if it is obvious.
         instruments: the instruments behind the value; in packages without `provenance` those that the case had used.
-        status: what the analysis says of the number, empty for a word; not in the oldest packages.
+        status: the status that the analysis gives the number, empty for a word; not in the oldest packages.
         doubts: why the data cannot be trusted, a sentence each.
         provenance: what the value came from, an entry each: readings, recordings, answers, parameters, analysis; null
             in packages that do not record it.
@@ -261,8 +261,8 @@ class ChartLimit(Part, frozen=True, kw_only=True):
     Attributes:
         requirement: the requirement.
         parameter: the parameter of its limit.
-        min: the least value in the chart's unit, null without one.
-        max: the largest value, null without one.
+        min: the lowest value in the chart's unit, null without one.
+        max: the highest value, null without one.
         residual: whether it is a limit on the residuals.
         power: the limit is multiplied by this power of the abscissa: -0.5 for white noise over the averaging time.
     """
@@ -305,7 +305,7 @@ class Fault(Event, frozen=True, kw_only=True):
     """Silence or nonsense of a device.
 
     Attributes:
-        case: the case that met it.
+        case: the case in which it occurred.
         device: the device.
         dut: whether it belongs to the device under test.
         error: the kind of fault.

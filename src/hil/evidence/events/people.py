@@ -40,7 +40,7 @@ class Attachment(Event, frozen=True, kw_only=True):
     Attributes:
         file: its name in `data/attachments`.
         sha256: its hash.
-        text: what it is.
+        text: a description.
         by: who attached it, or the case that made it.
     """
 
@@ -54,12 +54,12 @@ class Attachment(Event, frozen=True, kw_only=True):
 
 
 class HoldAsked(Event, frozen=True, kw_only=True):
-    """Somebody asked to hold the bench, or to release it.
+    """Somebody requested that the bench be held or released.
 
     Attributes:
         release: whether it is to be released.
         text: why.
-        by: who asked for it.
+        by: who requested it.
     """
 
     release: bool
@@ -74,7 +74,7 @@ class Called(Event, frozen=True, kw_only=True):
 
     Attributes:
         name: who is on call.
-        text: the same in words.
+        text: a description in words.
     """
 
     name: str
@@ -105,7 +105,7 @@ class AskedAgain(Event, frozen=True, kw_only=True):
         form: its form.
         text: what the person reads.
         options: the possible answers, if they are given.
-        safety: whether somebody's safety depends on the answer.
+        safety: whether a person's safety depends on the answer.
     """
 
     name: str
@@ -136,12 +136,12 @@ class Confirmed(Event, frozen=True, kw_only=True):
 
 
 class Acknowledged(Event, frozen=True, kw_only=True):
-    """A named person looked at what the guardian did.
+    """A named person acknowledged the guardian's actions.
 
     Attributes:
         text: what was seen.
         by: who looked.
-        guardian: the SHA-256 of the guardian's journal as it was then.
+        guardian: the SHA-256 of the guardian's journal at that time.
     """
 
     text: str
@@ -196,7 +196,7 @@ class Question(Event, frozen=True, kw_only=True):
 
 
 class GivenFile(Part, frozen=True, kw_only=True):
-    """A file that a person gave as an answer.
+    """A file that a person provided as an answer.
 
     Attributes:
         file: its name in `data/attachments`.
@@ -214,7 +214,7 @@ class GivenFile(Part, frozen=True, kw_only=True):
 
 
 class Answer(Event, frozen=True, kw_only=True):
-    """What a person answered.
+    """A person's answer.
 
     Attributes:
         case: the case that asked.
@@ -222,8 +222,8 @@ class Answer(Event, frozen=True, kw_only=True):
         name: the question's name.
         value: the answer; for a file its original name.
         by: who gave it.
-        file: the file that was given.
-        witness: the name of the witness who confirmed it, empty if none was asked for.
+        file: the file that was provided.
+        witness: the name of the witness who confirmed it, empty if none was required.
     """
 
     case: str

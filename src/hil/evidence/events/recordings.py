@@ -57,7 +57,7 @@ class Recording(Event, frozen=True, kw_only=True):
 
     Attributes:
         recording: its id, which names its file.
-        name: its name in the case, or that of the limit of the envelope.
+        name: its name in the case, or the id of the envelope's limit.
         case: its case, null for a recording outside all cases.
         step: the number of its step, null outside all cases.
         channels: the channels, in the order of its columns.
@@ -86,7 +86,7 @@ class Rows(Event, frozen=True, kw_only=True):
 
     Attributes:
         recording: its id.
-        rows: how many rows it has.
+        rows: the number of rows.
         sha256: the hash over them.
     """
 
@@ -100,7 +100,7 @@ class RecordingEnd(Event, frozen=True, kw_only=True):
 
     Attributes:
         recording: its id.
-        rows: how many rows it has.
+        rows: the number of rows.
         sha256: the hash over them.
         complete: whether it lasted as long as planned.
         gaps: the largest time between two rows in s.

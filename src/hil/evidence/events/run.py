@@ -70,16 +70,16 @@ class Run(Event, frozen=True, kw_only=True):
         format: the number of the package's format.
         bench: the bench's name.
         source: where its bytes come from.
-        purpose: why the run is made.
+        purpose: the purpose of the run.
         dut: the device under test.
-        operator: who runs it.
+        operator: the person who runs it.
         plans: the plans, in order.
         seed: the seed of the simulated bench, empty without one.
         catalogue: SHA-256 of the frozen requirements.
         parameters: SHA-256 of the parameters used.
         sources: SHA-256 over the sources of plans and fixtures.
         version: the version of hil.
-        deviations: how the run deviates from its plan, a sentence each.
+        deviations: the deviations of the run from its plan, a sentence each.
         calibration: SHA-256 of the frozen calibration records; not in the oldest packages.
         bench_files: SHA-256 over the files of the bench; not in the oldest packages.
         epoch: bench time 0 as UTC; not in the oldest packages.
@@ -128,7 +128,7 @@ class PlannedCase(Part, frozen=True, kw_only=True):
         title: the first line of its docstring.
         plan: its plan.
         requirements: the ids of its marker.
-        max_duration: bench time in s that it may take.
+        max_duration: the longest bench time in s that it may take.
         repeatable: why an attempt that ended without a verdict may be repeated, empty if it counts.
     """
 
@@ -166,7 +166,7 @@ class Anomaly(Event, frozen=True, kw_only=True):
     """Something that should not have happened, or something suspicious about a requirement's source.
 
     Attributes:
-        text: what it is.
+        text: a description.
     """
 
     text: str
@@ -229,7 +229,7 @@ class Entry(Part, frozen=True, kw_only=True):
         place: how many events of the run's own course stand, up to the one after which it was resumed.
         boundary: the sequence number of that event.
         void_to: the sequence number of the last void event; the first is the one after the boundary.
-        operations: how many operations the transcript held; those since the boundary are void, too.
+        operations: the number of operations in the transcript; those since the boundary are void, too.
         number: the number of the next recording.
         rows: the void rows of every recording that continued.
         kept: the recording at whose beginning the run was resumed and whose rows stand; empty if there is none.
@@ -254,10 +254,10 @@ class Resumed(Event, frozen=True, kw_only=True):
     Attributes:
         number: how many times it has been resumed so far.
         checkpoint: the bench time in s of the checkpoint of the simulated bench, 0 without one.
-        torn_bytes: how many bytes of an incomplete line the journal ended with.
+        torn_bytes: the length in bytes of the incomplete line at the end of the journal.
         deviation: how this resumption deviates from the plan, empty if it does not.
         seconds: how long the run was interrupted.
-        text: the same in words.
+        text: a description in words.
         entry: where a stopped run was resumed; left out for a killed run, which continues where it was.
         guardian: the SHA-256 of the guardian's journal as it was then; left out if the guardian had not acted.
     """
@@ -278,7 +278,7 @@ class Reboot(Event, frozen=True, kw_only=True):
     """The machine was restarted while the run was interrupted.
 
     Attributes:
-        text: the same in words.
+        text: a description in words.
         seconds: how long the run was interrupted.
     """
 
@@ -292,7 +292,7 @@ class Suspended(Event, frozen=True, kw_only=True):
     """The machine was suspended.
 
     Attributes:
-        text: the same in words.
+        text: a description in words.
         seconds: for how long.
     """
 
@@ -306,7 +306,7 @@ class ClockJump(Event, frozen=True, kw_only=True):
     """The machine's time of day was set.
 
     Attributes:
-        text: the same in words.
+        text: a description in words.
         seconds: by how much.
     """
 
@@ -320,7 +320,7 @@ class Notified(Event, frozen=True, kw_only=True):
     """The workspace's `notify` command was run.
 
     Attributes:
-        event: the event it was given.
+        event: the event passed to it.
     """
 
     event: str
@@ -346,8 +346,8 @@ class Recovered(Event, frozen=True, kw_only=True):
     """An interrupted run was sealed as it is.
 
     Attributes:
-        torn_bytes: how many bytes of an incomplete line the journal ended with.
-        text: the same in words.
+        torn_bytes: the length in bytes of the incomplete line at the end of the journal.
+        text: a description in words.
     """
 
     torn_bytes: int
