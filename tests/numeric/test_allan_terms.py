@@ -347,7 +347,7 @@ def test_what_is_left_without_a_curve_is_noise(curve):
 
 
 if __name__ == "__main__":
-    sys.stdout.write("| with | records | term | measured | inside 68 % | inside 95 % | measured though not put in |")
+    sys.stdout.write("| with | records | term | measured | inside 68 % | inside 95 % | measured but absent |")
     sys.stdout.write(" bounds that hold | neither |\n|---|---|---|---|---|---|---|---|---|\n")
     for each in (plain, *DISTURBED):
         if each.__name__ in (sys.argv[2:] or [each.__name__]):
