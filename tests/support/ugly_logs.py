@@ -133,7 +133,7 @@ def table(*columns, form="%.10g", head="t,x"):
 # Times
 
 
-@kind("even timestamps in s, nothing ugly")
+@kind("even timestamps in s, no damage")
 def even():
     return table(times(), noise())
 
@@ -163,22 +163,22 @@ def wraps_16():
     return table((times(20000) * 1e3) % 65536, noise(20000))
 
 
-@kind("milliseconds, taken for seconds because nobody typed the unit")
+@kind("milliseconds taken for seconds, without --time-unit")
 def milliseconds_untold():
     return table(times() * 1e3, noise())
 
 
-@kind("microseconds, taken for seconds because nobody typed the unit")
+@kind("microseconds taken for seconds, without --time-unit")
 def microseconds_untold():
     return table(times() * 1e6, noise())
 
 
-@kind("milliseconds, told by the column's name")
+@kind("milliseconds, as the column's name says")
 def milliseconds_named():
     return table(times() * 1e3, noise(), head="t_ms,x")
 
 
-@kind("milliseconds, typed", (*ALLAN, "--time-unit", "ms"))
+@kind("milliseconds, with --time-unit", (*ALLAN, "--time-unit", "ms"))
 def milliseconds_typed():
     return table(times() * 1e3, noise())
 
@@ -241,7 +241,7 @@ def jitter_walk():
     return table(np.cumsum(np.abs(1 + np.random.default_rng(3).standard_normal(COUNT) / 3)) / RATE, noise())
 
 
-@kind("jitter of a whole interval: nobody knows the order", truth=TRUTH)
+@kind("jitter of a whole interval: the order is unknown", truth=TRUTH)
 def jitter_wild():
     return table(times() + np.random.default_rng(3).standard_normal(COUNT) / 100, noise())
 
@@ -253,20 +253,20 @@ def repeats():
     return table(time, noise())
 
 
-@kind("rows that are written twice")
+@kind("duplicated rows")
 def rows_twice():
     kept = np.sort(np.r_[0:COUNT, 100, 2000, 3000])
     return table(times()[kept], noise()[kept])
 
 
-@kind("neighbouring rows that changed places")
+@kind("neighbouring rows swapped")
 def rows_swapped():
     order = np.arange(COUNT)
     order[[100, 101, 2000, 2001]] = order[[101, 100, 2001, 2000]]
     return table(times()[order], noise()[order])
 
 
-@kind("a clock that is set back by two seconds")
+@kind("a clock set back by two seconds")
 def set_back():
     return table(times() - 2.0 * (np.arange(COUNT) > 1500), noise())
 
@@ -281,7 +281,7 @@ def samples_twice():
     return table(np.tile(noise(2000), 2), head="x")
 
 
-@kind("a log of two starts: time begins again at zero")
+@kind("a log of two starts: time restarts at zero")
 def restarts():
     return table(np.concatenate([times(1700), times(2300)]), noise())
 
@@ -307,17 +307,17 @@ def epoch():
     return table(1.7e9 + times(), noise(), form="%.13g")
 
 
-@kind("milliseconds since 1970, told by nobody")
+@kind("milliseconds since 1970, undeclared")
 def epoch_ms():
     return table(1.7e12 + times() * 1e3, noise(), form="%.15g")
 
 
-@kind("nanoseconds since 1970, told by nobody")
+@kind("nanoseconds since 1970, undeclared")
 def epoch_ns():
     return table([f"{1700000000 * 10**9 + n * 10**7}" for n in range(COUNT)], noise())
 
 
-@kind("a timestamp that is no number")
+@kind("a timestamp that is not a number")
 def time_nan():
     time = times()
     time[700] = np.nan
@@ -329,7 +329,7 @@ def long_gap():
     return table(times() + 40.0 * (np.arange(COUNT) >= 2000), noise())
 
 
-@kind("timestamps that stand still", truth=None)
+@kind("timestamps that do not advance", truth=None)
 def still():
     return table(np.zeros(COUNT), noise())
 
@@ -376,7 +376,7 @@ def clipped_above():
     return table(times(), np.minimum(noise(), 0.25))
 
 
-@kind("at full scale, which was given", (*ALLAN, "--full-scale", "0.3"))
+@kind("at full scale, with --full-scale", (*ALLAN, "--full-scale", "0.3"))
 def full_scale():
     return table(times(), np.clip(noise(), -0.3, 0.3))
 
@@ -401,7 +401,7 @@ def read_twice():
     return table(times(), np.repeat(noise(COUNT // 2), 2))
 
 
-@kind("a column that never moves", truth=None)
+@kind("a column that never changes", truth=None)
 def constant():
     return table(times(), np.full(COUNT, 17.937))
 
@@ -438,14 +438,14 @@ def nan_samples():
     return table(times(), values)
 
 
-@kind("a sample that is infinite")
+@kind("an infinite sample")
 def infinite():
     values = noise()
     values[900] = np.inf
     return table(times(), values)
 
 
-@kind("a column that is NaN throughout", truth=None)
+@kind("a column of NaN only", truth=None)
 def all_nan():
     return table(times(), np.full(COUNT, np.nan))
 
@@ -455,17 +455,17 @@ def slow_noise(document):
     return [axis[name] for axis in document["axes"] for name in ("flicker", "random_walk")]
 
 
-@kind("a warm-up, whose random walk would be none", truth=0.0, figure=slow_noise)
+@kind("a warm-up, which is not a random walk", truth=0.0, figure=slow_noise)
 def warm_up():
     return table(times(), noise() + 0.5 * np.exp(-times() / 5.0))
 
 
-@kind("a slow sine, whose random walk would be none", truth=0.0, figure=slow_noise)
+@kind("a slow sine, which is not a random walk", truth=0.0, figure=slow_noise)
 def slow_sine():
     return table(times(), noise() + 0.1 * np.sin(times() / 3.0))
 
 
-@kind("a ramp, whose random walk would be none", truth=0.0, figure=slow_noise)
+@kind("a ramp, which is not a random walk", truth=0.0, figure=slow_noise)
 def ramp():
     return table(times(), noise() + 0.01 * times())
 
@@ -485,7 +485,7 @@ def line():
     return table(times(), 0.01 * times())
 
 
-@kind("a filter of first order that nobody told", truth=TRUTH)
+@kind("an undeclared first-order filter", truth=TRUTH)
 def filtered():
     values = noise(COUNT + 50, sigma=SIGMA) - 0.05
     for place in range(1, values.size):
@@ -493,14 +493,12 @@ def filtered():
     return table(times(), values[50:])
 
 
-@kind("a moving average of four samples, nobody told")
+@kind("an undeclared moving average of four samples")
 def averaged():
     return table(times(), np.convolve(noise(COUNT + 3), np.ones(4) / 4, "valid"))
 
 
-@kind(
-    "an angle that is counted: quantisation", truth=0.001, figure=lambda document: [document["axes"][0]["quantisation"]]
-)
+@kind("a counted angle: quantisation", truth=0.001, figure=lambda document: [document["axes"][0]["quantisation"]])
 def counted_angle():
     errors = np.random.default_rng(4).uniform(-1, 1, COUNT + 1) * math.sqrt(3) * 0.001
     return table(times(), noise(sigma=0.02) + np.diff(errors) * RATE)
@@ -549,17 +547,17 @@ def one_untimed():
     return "x\n1\n"
 
 
-@kind("a last line that is torn off")
+@kind("a truncated last line")
 def torn():
     return table(times(), noise()) + "40.00,-"
 
 
-@kind("a last line that is torn off and still a row of numbers")
+@kind("a truncated last line that is still a row of numbers")
 def torn_row():
     return table(times(), noise()) + "40.00,0."
 
 
-@kind("a row with a cell too many", truth=None)
+@kind("a row with one cell too many", truth=None)
 def ragged():
     return table(times(), noise()) + "40.00,0.1,7\n40.01,0.1\n"
 
@@ -603,7 +601,7 @@ def clipped_whole_counts():
     return table(times(), np.minimum(np.rint(noise() / 0.1), 1) * 0.1)
 
 
-@kind("counts of half a standard deviation, clipped on one side, on a drift that is twice as large")
+@kind("counts of half a standard deviation, clipped on one side, on a drift twice as large")
 def clipped_drift():
     return table(times(), np.minimum(np.rint((noise() + 0.2 * times() / 40.0) / 0.05), 5) * 0.05)
 
@@ -629,7 +627,7 @@ def small_jump():
     return table(times(16000), noise(16000) + 0.04 * (np.arange(16000) > 6000))
 
 
-@kind("noise that is 1.4 times as large from the middle on")
+@kind("noise 1.4 times as large from the middle on")
 def louder():
     values = noise()
     values[2000:] = 0.05 + 1.4 * (values[2000:] - 0.05)
@@ -648,14 +646,14 @@ def two_rates():
     return table(np.r_[times(2000), 20 + times(2000, 110)], noise())
 
 
-@kind("two rates of other noise that change places half way", (*ALLAN, "--columns", "x"))
+@kind("two rates with different noise, swapped half way", (*ALLAN, "--columns", "x"))
 def swapped_rates():
     first, second = noise(), 5.0 + 3.0 * noise(seed=2)
     late = np.arange(COUNT) >= 2000
     return table(times(), np.where(late, second, first), np.where(late, first, second), head="t,x,y")
 
 
-@kind("time and rate that change places half way")
+@kind("time and rate swapped half way")
 def swapped_columns():
     late = np.arange(COUNT) >= 2000
     return table(np.where(late, noise(), times()), np.where(late, times(), noise()))
@@ -676,7 +674,7 @@ def overflowing():
     return table(times(), (np.rint(1000 * noise() + 32500).astype(int) + 32768) % 65536 - 32768)
 
 
-@kind("counts of 16 bits with their bytes in the other order", truth=1000 * TRUTH)
+@kind("counts of 16 bits with their bytes swapped", truth=1000 * TRUTH)
 def other_order():
     return table(times(), np.rint(1000 * noise()).astype(">i2").view("<i2"))
 
@@ -689,7 +687,7 @@ def minus_999():
 # How it is written
 
 
-@kind("bytes of zero after the last row")
+@kind("zero bytes after the last row")
 def zeros_behind():
     return even().encode() + bytes(4096)
 
@@ -700,7 +698,7 @@ def zeros_within():
     return whole[:60000] + bytes(512) + whole[60000:]
 
 
-@kind("a byte order mark of UTF-8")
+@kind("a UTF-8 byte order mark")
 def marked():
     return b"\xef\xbb\xbf" + even().encode()
 
@@ -710,7 +708,7 @@ def utf_16():
     return even().encode("utf-16")
 
 
-@kind("microseconds in the letters of Windows")
+@kind("microseconds in a Windows character set")
 def windows():
     return table(times() * 1e6, noise(), head="t [µs],x [°/s]").encode("cp1252")
 
@@ -721,17 +719,17 @@ def mixed_signs():
     return "".join(lines[:2000]) + "".join(lines[2000:]).replace(".", ",")
 
 
-@kind("two columns of one name", (*ALLAN, "--columns", "x"), truth=None)
+@kind("two columns with the same name", (*ALLAN, "--columns", "x"), truth=None)
 def two_names():
     return table(times(), noise(), noise(seed=2), head="t,x,x")
 
 
-@kind("two logs in one file, each with its names")
+@kind("two logs in one file, each with a header")
 def two_logs():
     return even() + even()
 
 
-@kind("time that runs backwards all along")
+@kind("time that runs backwards throughout")
 def backwards():
     return table(times()[::-1], noise())
 
@@ -747,7 +745,7 @@ def comments():
     return lines[0] + "# written, by hand\n" + "# still, at rest\n".join(lines[1:])
 
 
-@kind("a remark of the logger between the rows")
+@kind("a message of the logger between the rows")
 def remark():
     lines = even().splitlines(keepends=True)
     return "".join(lines[:1500]) + "sensor reset\n" + "".join(lines[1500:])
@@ -758,19 +756,19 @@ def axis_empty():
     return table(times(), noise(), [""] * COUNT, head="t,x,y")
 
 
-@kind("an axis that is missing from the middle on", truth=None)
+@kind("an axis missing from the middle on", truth=None)
 def axis_ends():
     lines = table(times(), noise(), noise(seed=2), head="t,x,y").splitlines()
     return "\n".join(lines[:2000] + [line.rpartition(",")[0] for line in lines[2000:]])
 
 
-@kind("cells without a value now and then", truth=None)
+@kind("occasional empty cells", truth=None)
 def cells_empty():
     lines = even().splitlines()
     return "\n".join(line.partition(",")[0] + "," if place % 97 == 5 else line for place, line in enumerate(lines))
 
 
-@kind("a separator at the end of each row, and none below the names")
+@kind("a trailing separator in each row, but not in the header")
 def separator_behind():
     return even().replace("\n", ",\n").replace("t,x,", "t,x", 1)
 
@@ -790,12 +788,12 @@ def long_lines():
     return table(times(), noise(), ["z" * 20_000 if n % 400 == 3 else "a" for n in range(COUNT)], head="t,x,note")
 
 
-@kind("an hour that is lived twice as summer ends")
+@kind("the repeated hour at the end of summer time")
 def summer_ends():
     return table([f"2026-10-25T{_clock(10790 + s - 3600 * (s >= 10))}" for s in times()], noise())
 
 
-@kind("an hour that is left out as summer begins")
+@kind("the skipped hour at the start of summer time")
 def summer_begins():
     return table([f"2026-03-29T{_clock(7190 + s + 3600 * (s >= 10))}" for s in times()], noise())
 
@@ -810,17 +808,17 @@ def leap_second():
     return table([told(each) for each in times()], noise())
 
 
-@kind("a day of 12 hours with AM and PM")
+@kind("12-hour clock with AM and PM")
 def twelve_hours():
     return table([_clock((43190 + s) % 43200) + (" AM" if s < 10 else " PM") for s in times()], noise())
 
 
-@kind("days as a spreadsheet counts them, told by nobody")
+@kind("spreadsheet day numbers, undeclared")
 def spreadsheet_days():
     return table(46349 + times() / 86400, noise(), form="%.15g")
 
 
-@kind("nanoseconds since a telephone was switched on, about as large as ms since 1970")
+@kind("nanoseconds since a telephone was switched on, similar in size to ms since 1970")
 def nanoseconds_since_boot():
     return table([f"{1700000000000 + n * 10**7}" for n in range(COUNT)], noise())
 
@@ -830,7 +828,7 @@ def seconds_named_ms():
     return table(times(), noise(), head="time_ms,x")
 
 
-@kind("a count of samples given as the time, as its name says", (*ALLAN[:3], "PacketCounter", *ALLAN[4:]))
+@kind("a sample counter given as the time, with a telling name", (*ALLAN[:3], "PacketCounter", *ALLAN[4:]))
 def counted_as_time():
     return table(np.arange(65000.0, 65000.0 + COUNT) % 65536, noise(), head="PacketCounter,x")
 
@@ -844,12 +842,12 @@ def points_and_commas():
     )
 
 
-@kind("month, day and year with slashes, which may be day and month")
+@kind("month, day and year with slashes, which may be day first")
 def slashes():
     return table([f"11/12/2026 {_clock(36000 + second)}" for second in times()], noise())
 
 
-@kind("five rows of 1970 before a receiver knew the time")
+@kind("five rows of 1970 before a receiver had the time")
 def before_the_fix():
     return table(np.where(np.arange(COUNT) < 5, times(), 1.7e9 + times()), noise(), form="%.14g")
 
@@ -864,17 +862,17 @@ def of_ros():
     )
 
 
-@kind("a log packed by gzip", truth=None)
+@kind("a log compressed with gzip", truth=None)
 def packed():
     return gzip.compress(even().encode())
 
 
-@kind("two sensors that take turns in one column")
+@kind("two sensors alternating in one column")
 def two_sensors():
     return table(times(2 * COUNT) / 2.0, noise(2 * COUNT) + np.tile([0.0, 0.7], COUNT))
 
 
-@kind("three sensors that take turns in one column, under one timestamp")
+@kind("three sensors alternating in one column, under one timestamp")
 def three_sensors():
     return table(np.repeat(times(), 3), noise(3 * COUNT) + np.tile([0.0, 0.3, -0.5], COUNT))
 
@@ -897,7 +895,7 @@ def psd_vibrating():
     return vibrating()
 
 
-@kind("a spectrum of two sensors that take turns in one column", PSD)
+@kind("a spectrum of two sensors alternating in one column", PSD)
 def psd_two_sensors():
     return two_sensors()
 
@@ -923,7 +921,7 @@ def psd_drift():
     return table(times(), noise() + 0.5 * times() / times()[-1])
 
 
-@kind("a spectrum behind a filter of 20 Hz that nobody told", PSD)
+@kind("a spectrum after an undeclared 20 Hz filter", PSD)
 def psd_filtered():
     from scipy import signal  # noqa: PLC0415 - slow to import
 
@@ -946,7 +944,7 @@ def psd_sparse():
     return table(times()[kept], noise()[kept])
 
 
-@kind("a spectrum of milliseconds, taken for seconds because nobody typed the unit", PSD)
+@kind("a spectrum of milliseconds taken for seconds, without --time-unit", PSD)
 def psd_ms():
     return table(times() * 1e3, noise())
 
@@ -958,7 +956,7 @@ def psd_spike():
     return table(times(), values)
 
 
-@kind("a spectrum of a column that never moves", PSD, truth=None)
+@kind("a spectrum of a column that never changes", PSD, truth=None)
 def psd_constant():
     return table(times(), np.full(COUNT, 17.937))
 
@@ -1012,7 +1010,7 @@ def flight(columns):
     return table(*columns, head="t,gx,gy,gz,mx,my,mz")
 
 
-@kind("a flight with one rotation, nothing ugly", BOTH, TURNING, turning)
+@kind("a flight with one rotation, no damage", BOTH, TURNING, turning)
 def plain_flight():
     return flight(flown())
 
@@ -1032,25 +1030,25 @@ def flight_in_milliseconds():
     return flight(flown(seconds=1000.0))
 
 
-@kind("a flight with iron beside its magnetometer", BOTH, TURNING, turning)
+@kind("a flight with iron near its magnetometer", BOTH, TURNING, turning)
 def flight_with_iron():
     return flight(flown(iron=15.0))
 
 
-@kind("a flight with a power cut of 30 s in its rotation", BOTH, TURNING, turning)
+@kind("a flight with a power cut of 30 s during its rotation", BOTH, TURNING, turning)
 def flight_cut():
     columns = flown()
     keep = (columns[0] < 170.0) | (columns[0] > 200.0)
     return flight([each[keep] for each in columns])
 
 
-@kind("a flight's rotation beyond the full scale, which was given", (*BOTH, "--full-scale", "10"), TURNING, turning)
+@kind("a flight's rotation beyond the full scale, with --full-scale", (*BOTH, "--full-scale", "10"), TURNING, turning)
 def flight_saturated():
     time, *rest = flown()
     return flight([time, *(each.clip(-10.0, 10.0) for each in rest[:3]), *rest[3:]])
 
 
-@kind("a flight whose magnetometer hangs in the rotation", BOTH, TURNING, turning)
+@kind("a flight whose magnetometer hangs during the rotation", BOTH, TURNING, turning)
 def flight_hung():
     columns = flown()
     for each in columns[4:]:
@@ -1097,7 +1095,7 @@ def temperatures():
     return celsius, 0.3 + SLOPE * (celsius - 25.0) + 0.002 * np.random.default_rng(4).standard_normal(celsius.size)
 
 
-@kind("temperatures in degC, nothing ugly", (*GYROSCOPE, "--uncertainty", "0.002"), SLOPE, slope)
+@kind("temperatures in degC, no damage", (*GYROSCOPE, "--uncertainty", "0.002"), SLOPE, slope)
 def celsius():
     return table(*temperatures(), head="T,x")
 
@@ -1120,7 +1118,7 @@ def fahrenheit():
     return table(1.8 * warm + 32, means, head="T,x\n°F,deg/s")
 
 
-@kind("temperatures in Fahrenheit, told by nobody", (*GYROSCOPE, "--uncertainty", "0.002"), SLOPE, slope)
+@kind("temperatures in Fahrenheit, undeclared", (*GYROSCOPE, "--uncertainty", "0.002"), SLOPE, slope)
 def fahrenheit_untold():
     warm, means = temperatures()
     return table(1.8 * warm + 32, means, head="T,x")
@@ -1137,13 +1135,13 @@ def means_milli():
     return table(warm, 1e3 * means, head="T,x\ndegC,mdeg/s")
 
 
-@kind("temperature and means mixed up", (*GYROSCOPE, "--uncertainty", "0.002"), SLOPE, slope)
+@kind("temperature and means swapped", (*GYROSCOPE, "--uncertainty", "0.002"), SLOPE, slope)
 def mixed_up():
     warm, means = temperatures()
     return table(means, warm, head="T,x")
 
 
-@kind("a last row that is torn off within its mean", (*GYROSCOPE, "--uncertainty", "0.002"), SLOPE, slope)
+@kind("a last row truncated within its mean", (*GYROSCOPE, "--uncertainty", "0.002"), SLOPE, slope)
 def torn_mean():
     return celsius()[:-6]
 
@@ -1154,7 +1152,7 @@ def mean_huge():
     return table(warm, np.where(np.arange(means.size) == 9, 1e300, means), head="T,x")
 
 
-@kind("an axis that never moves", (*GYROSCOPE, "--uncertainty", "0.002"), None, slope)
+@kind("an axis that never changes", (*GYROSCOPE, "--uncertainty", "0.002"), None, slope)
 def axis_still():
     warm, means = temperatures()
     return table(warm, np.full(means.size, 0.3), head="T,x")
@@ -1181,7 +1179,7 @@ def turned(*, readings=1.0, rates=1.0, still=1.0, ways=(1.0, -1.0)):
     return table(*np.array(rows).T, head="T,x,y,z,rx,ry,rz")
 
 
-@kind("rates in both directions, nothing ugly", TURNED, 1.01, gains)
+@kind("rates in both directions, no damage", TURNED, 1.01, gains)
 def rates_both():
     return turned()
 
@@ -1196,12 +1194,12 @@ def readings_radians():
     return turned(readings=math.pi / 180.0)
 
 
-@kind("readings of half the range that was set", TURNED, 1.01, gains)
+@kind("readings scaled for half the selected range", TURNED, 1.01, gains)
 def half_range():
     return turned(readings=2.0)
 
 
-@kind("rates of the wrong sign", TURNED, 1.01, gains)
+@kind("rates with the wrong sign", TURNED, 1.01, gains)
 def rates_sign():
     return turned(rates=-1.0)
 
@@ -1223,7 +1221,7 @@ def mean_outlier():
     return table(warm, means, head="T,x")
 
 
-@kind("a mean that is NaN", (*GYROSCOPE, "--uncertainty", "0.002"), SLOPE, slope)
+@kind("a mean of NaN", (*GYROSCOPE, "--uncertainty", "0.002"), SLOPE, slope)
 def mean_nan():
     warm, means = temperatures()
     means[3] = np.nan
@@ -1264,7 +1262,7 @@ def cell():
 HEAD = "t,U,I,T"
 
 
-@kind("two cycles of a cell, nothing ugly", BATTERY, AH, capacity)
+@kind("two cycles of a cell, no damage", BATTERY, AH, capacity)
 def battery_even():
     return table(*cell(), head=HEAD)
 
@@ -1299,19 +1297,19 @@ def battery_kelvin():
     return table(time, voltage, current, warm + 273.15, head=HEAD)
 
 
-@kind("a cell's temperature in Fahrenheit, told by nobody", BATTERY, AH, capacity)
+@kind("a cell's temperature in Fahrenheit, undeclared", BATTERY, AH, capacity)
 def battery_fahrenheit():
     time, voltage, current, warm = cell()
     return table(time, voltage, current, 1.8 * warm + 32.0, head=HEAD)
 
 
-@kind("a cell's current 5 % too large, where 6 % is its bound", (*BATTERY, "--current-gain", "0.06"), AH, capacity)
+@kind("a cell's current 5 % too large, with a bound of 6 %", (*BATTERY, "--current-gain", "0.06"), AH, capacity)
 def battery_gain_told():
     time, voltage, current, warm = cell()
     return table(time, voltage, 1.05 * current, warm, head=HEAD)
 
 
-@kind("a cell's time that runs back", BATTERY, AH, capacity)
+@kind("a cell's time that runs backwards", BATTERY, AH, capacity)
 def battery_back():
     time, *others = cell()
     return table(np.where(time > 9000, time - 5000, time), *others, head=HEAD)
@@ -1347,13 +1345,13 @@ def letters(current):
     return np.select([current > 0, current < 0], ["C", "D"], "R")
 
 
-@kind("a cell's time of each step", BATTERY, AH, capacity)
+@kind("a cell's time per step", BATTERY, AH, capacity)
 def battery_steps():
     time, voltage, current, warm = cell()
     return table(of_steps(time, current), voltage, current, warm, head=HEAD)
 
 
-@kind("a cell's time of each step, as is said", (*BATTERY, "--time-restarts", "step"), AH, capacity)
+@kind("a cell's time per step, with --time-restarts", (*BATTERY, "--time-restarts", "step"), AH, capacity)
 def battery_steps_said():
     return battery_steps()
 
@@ -1381,7 +1379,7 @@ def battery_unknown_state():
 
 
 @kind(
-    "a cell's states, charge and discharge mixed up",
+    "a cell's states, charge and discharge swapped",
     (*MAPPED[:3], mapping("states: {charge: [D], discharge: [C], rest: [R]}\n")), AH, capacity,
 )  # fmt: skip
 def battery_mixed_states():
@@ -1389,7 +1387,7 @@ def battery_mixed_states():
 
 
 @kind(
-    "a cell's states, the discharge called a rest",
+    "a cell's states, the discharge labelled as a rest",
     (*MAPPED[:3], mapping("states: {charge: [C], rest: [R, D]}\n")), AH, capacity,
 )  # fmt: skip
 def battery_rest_flows():
@@ -1454,13 +1452,13 @@ def battery_tiny():
     return table(time, voltage, 1e-200 * current, warm, head=HEAD)
 
 
-@kind("a cell's voltage that never moves", BATTERY, AH, capacity)
+@kind("a cell's voltage that never changes", BATTERY, AH, capacity)
 def battery_still():
     time, _, current, warm = cell()
     return table(time, np.full(time.size, 3.7), current, warm, head=HEAD)
 
 
-@kind("a cell's current that is zero throughout", BATTERY, AH, capacity)
+@kind("a cell's current that is always zero", BATTERY, AH, capacity)
 def battery_idle():
     time, voltage, current, warm = cell()
     return table(time, voltage, 0.0 * current, warm, head=HEAD)
@@ -1471,47 +1469,47 @@ def battery_commas():
     return battery_even().replace(",", ";").replace(".", ",").replace("T\n", "T\ns;V;A;\n", 1)
 
 
-@kind("a cell's last row that is torn off within its voltage", BATTERY, AH, capacity)
+@kind("a cell's last row truncated within its voltage", BATTERY, AH, capacity)
 def battery_torn():
     return battery_even() + "17400,3.2"
 
 
-@kind("a cell's log with bytes of zero after it", BATTERY, AH, capacity)
+@kind("a cell's log followed by zero bytes", BATTERY, AH, capacity)
 def battery_zeros():
     return battery_even().encode() + bytes(300)
 
 
-@kind("a cell's rows twice", BATTERY, AH, capacity)
+@kind("a cell's rows duplicated", BATTERY, AH, capacity)
 def battery_twice():
     return f"{HEAD}\n" + "".join(2 * line for line in battery_even().splitlines(keepends=True)[1:])
 
 
-@kind("a cell's voltage and current mixed up", BATTERY, AH, capacity)
+@kind("a cell's voltage and current swapped", BATTERY, AH, capacity)
 def battery_mixed_up():
     time, voltage, current, warm = cell()
     return table(time, current, voltage, warm, head=HEAD)
 
 
-@kind("a cell's voltage and current that change places half way", BATTERY, AH, capacity)
+@kind("a cell's voltage and current swapped half way", BATTERY, AH, capacity)
 def battery_swaps():
     time, voltage, current, warm = cell()
     late = time >= 9000
     return table(time, np.where(late, current, voltage), np.where(late, voltage, current), warm, head=HEAD)
 
 
-@kind("a cell's hour that is lived twice as summer ends", BATTERY, AH, capacity)
+@kind("a cell's repeated hour at the end of summer time", BATTERY, AH, capacity)
 def battery_summer():
     time, *others = cell()
     return table([f"2026-10-25T{_clock(3600 + s - 3600 * (s >= 7200))}" for s in time], *others, head=HEAD)
 
 
-@kind("a cell's current that is clipped at 0.6 A", BATTERY, AH, capacity)
+@kind("a cell's current clipped at 0.6 A", BATTERY, AH, capacity)
 def battery_clipped():
     time, voltage, current, warm = cell()
     return table(time, voltage, np.clip(current, -0.6, 0.6), warm, head=HEAD)
 
 
-@kind("a cell's temperature that is missing", BATTERY, AH, capacity)
+@kind("a cell's temperature missing", BATTERY, AH, capacity)
 def battery_cold():
     return "".join(line.rpartition(",")[0] + ",\n" for line in battery_even().splitlines()).replace("I,", "I,T", 1)
 
@@ -1532,7 +1530,7 @@ def warmed():
     return time, warm, PER_KELVIN * (warm - 25.0) + noise(1200, sigma=0.01)
 
 
-@kind("a drift of 0.01 deg/s/K, nothing ugly", DRIFT, PER_KELVIN, slope)
+@kind("a drift of 0.01 deg/s/K, no damage", DRIFT, PER_KELVIN, slope)
 def drift_even():
     return table(*warmed(), head="t,T,x")
 
@@ -1543,7 +1541,7 @@ def drift_kelvin():
     return table(time, warm + 273.15, values, head="t,T,x")
 
 
-@kind("a drift over Fahrenheit that the column names", DRIFT, None, slope)
+@kind("a drift over Fahrenheit, as the column's name says", DRIFT, None, slope)
 def drift_fahrenheit():
     time, warm, values = warmed()
     return table(time, 1.8 * warm + 32.0, values, head="t,temp_F,x")
@@ -1561,13 +1559,13 @@ def drift_frozen():
     return table(time, np.where(time < 120.0, warm, warm[240]), values, head="t,T,x")
 
 
-@kind("a drift of an axis that is stuck", DRIFT, None, slope)
+@kind("a drift of a stuck axis", DRIFT, None, slope)
 def drift_stuck():
     time, warm, values = warmed()
     return table(time, warm, 0.0 * values + 0.25, head="t,T,x")
 
 
-@kind("a drift whose log was torn off after a minute at one temperature", DRIFT, None, slope)
+@kind("a drift log truncated after a minute at one temperature", DRIFT, None, slope)
 def drift_torn():
     time, warm, values = warmed()
     return table(time[:120], warm[:120] * 0.01 + 24.0, values[:120], head="t,T,x")
@@ -1579,7 +1577,7 @@ def drift_gaps():
     return table(*(each[keep] for each in warmed()), head="t,T,x")
 
 
-@kind("a drift with a reading of 25 deg/s in it", DRIFT, None, slope)
+@kind("a drift with one reading of 25 deg/s", DRIFT, None, slope)
 def drift_spike():
     time, warm, values = warmed()
     values[700] = 25.0
@@ -1606,7 +1604,7 @@ def ideality(document):
     return [document["ideality"]]
 
 
-@kind("a photodiode over temperature, nothing ugly", MONITORED, IDEALITY, ideality)
+@kind("a photodiode over temperature, no damage", MONITORED, IDEALITY, ideality)
 def lamp_good():
     return lamp_table(*lamp_readings())
 
@@ -1639,13 +1637,13 @@ def lamp_fahrenheit():
     return lamp_table(volts, 1.8 * degrees + 32.0, loads, light)
 
 
-@kind("a photodiode in mV, called V", MONITORED, IDEALITY, ideality)
+@kind("a photodiode in mV, labelled V", MONITORED, IDEALITY, ideality)
 def lamp_millivolts():
     volts, degrees, loads, light = lamp_readings()
     return lamp_table(1e3 * volts, degrees, loads, light)
 
 
-@kind("a photodiode that is shorted", MONITORED, IDEALITY, ideality)
+@kind("a shorted photodiode", MONITORED, IDEALITY, ideality)
 def lamp_shorted():
     volts, degrees, loads, light = lamp_readings()
     return lamp_table(1e-4 * volts, degrees, loads, light)
@@ -1663,7 +1661,7 @@ def lamp_one_load():
     return lamp_table(*(each[parts[2] == photodiode_readings.LOADS[0]] for each in parts))
 
 
-@kind("a photodiode with a reading that is no number", MONITORED, IDEALITY, ideality)
+@kind("a photodiode with a reading that is not a number", MONITORED, IDEALITY, ideality)
 def lamp_torn():
     volts, degrees, loads, light = lamp_readings()
     volts[700] = math.nan
@@ -1681,29 +1679,29 @@ def page(everything: dict[str, Said]) -> str:
     lines = [
         "# Ugly logs",
         "",
-        "What `hil analyse` says to logs that are not as they should be. Each kind is a generated file with a known",
-        "truth: white noise of 0.01 deg/s/sqrt(Hz) at 100 Hz where nothing else is said. There are three outcomes: a",
-        "*value*, which is within its uncertainty of the truth; a *flag*: the coefficients are inconclusive, not",
-        "observable or rejected; or an *error*. A test runs every kind and holds this table, which",
-        "`python tests/support/ugly_logs.py` writes.",
+        "The findings of `hil analyse` on damaged logs, and on logs that are not what they seem. Each kind is a",
+        "generated file with a known truth: white noise of 0.01 deg/s/sqrt(Hz) at 100 Hz unless stated otherwise.",
+        "There are three outcomes: a *value* within its uncertainty of the truth; a *flag*: the coefficients are",
+        "inconclusive, not observable or rejected; or an *error*. A test runs every kind and compares it with",
+        "this table, which `python tests/support/ugly_logs.py` writes.",
         "",
-        "Some errors leave nothing in a log by which they could be told:",
+        "Some errors leave no trace in a log:",
         "",
-        "- A gain between 0.93 and 1.1. Capacities, sensitivities and noise of good parts differ by as much. Only a",
-        "  calibration of the instrument tells it: give its bound with `--current-gain`, or the uncertainty of the",
-        "  rates with `--rate-uncertainty`, and the interval holds it.",
-        "- Fahrenheit below 85 in a table of temperatures, or below 65 in a log of a cell, where no column's name says",
-        "  it: these are temperatures in degC as well.",
-        "- Samples of 4 to 6 standard deviations, fewer than one in 200, in a record of a few thousand: noise without",
-        "  them has as heavy tails now and then. White noise reads up to 9 % too high.",
-        "- A count of samples that is given as the time, in a table without names: a sample each second is as likely.",
-        "  A note says so.",
-        "- Sensors of the same offset that take turns in one column: white noise reads smaller by the root of their",
-        "  number.",
-        "- A reference voltage of a converter that is wrong by 5 %: voltages and currents of a photodiode are wrong",
+        "- A gain between 0.93 and 1.1. Capacities, sensitivities and noise of good parts differ by as much. Only",
+        "  a calibration of the instrument shows it: give its bound with `--current-gain`, or the uncertainty of",
+        "  the rates with `--rate-uncertainty`, and the interval includes it.",
+        "- Fahrenheit below 85 in a table of temperatures, or below 65 in a log of a cell, if no column name says",
+        "  so: these are plausible temperatures in degC as well.",
+        "- Outliers of 4 to 6 standard deviations, fewer than one in 200, in a record of a few thousand samples:",
+        "  pure noise occasionally has such heavy tails. White noise reads up to 9 % too high.",
+        "- A sample counter given as the time, in a table without column names: one sample per second is just as",
+        "  likely. A note says so.",
+        "- Sensors with the same offset that alternate in one column: white noise is too small by the square root",
+        "  of their number.",
+        "- A converter's reference voltage that is wrong by 5 %: voltages and currents of a photodiode are wrong",
         "  together. Measure it, and give `--reference-uncertainty`.",
         "",
-        "| log | command | outcome | what is said |",
+        "| log | command | outcome | findings |",
         "|---|---|---|---|",
     ]
     for name, found in everything.items():
