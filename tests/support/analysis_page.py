@@ -14,10 +14,10 @@ PAGE = ROOT / "docs" / "reference" / "analysis.md"
 INTRODUCTION = """# Analyses
 
 Every public function of `hil.analysis`, with its model, units and sources. They know arrays, numbers and unit strings,
-nothing of pytest, benches or files, so they work in a case as well as in a notebook. A `Figure` is a value with unit,
-uncertainty and degrees of freedom: see [case interface](case-api.md#figure).
+but nothing about pytest, benches or files, so they work in a notebook as well as in a case. A `Figure` is a value with
+unit, uncertainty and degrees of freedom: see [case interface](case-api.md#figure).
 
-This page is made from the code by `python tests/support/analysis_page.py`, and a test compares the two.
+This page is generated from the code by `python tests/support/analysis_page.py`, and a test compares the two.
 """
 _SECTIONS = {"Args:": "Arguments", "Attributes:": "Attributes", "Returns:": "Returns", "Raises:": "Errors"}
 

@@ -1,7 +1,7 @@
 """Numbers from arrays: noise, magnetics and statistics, usable from any notebook.
 
-What plans use stands here under one name each: `from hil.analysis import characterise`. A name is looked up when it is
-asked for, so that nobody waits for what he does not use.
+The names that plans use are available here directly: `from hil.analysis import characterise`. Names are imported on
+first use, so that unused modules cost no start-up time.
 """
 
 from __future__ import annotations

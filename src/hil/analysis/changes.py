@@ -1,4 +1,4 @@
-"""Gates on what must stay as it was: the mean, the noise, counts that never start over, and whose samples they are."""
+"""Gates on what must not change: the mean, the noise, counts that never wrap, and the sensor behind the samples."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _SWAPPED = 8.0  # times less scatter when the bytes are put in the other order
 def jumps(channel: str, values: _Array) -> Gate:
     """Trip where the mean jumps and stays there, as after a reset; a random walk and a warm-up do not jump.
 
-    Averages over 16 to 256 samples are held against the last but one. s is the robust scatter of these
+    Averages over 16 to 256 samples are compared with the last but one. s is the robust scatter of these
     differences; noise and slow drift pass the limit of about 6 s once in a million records. The neighbours must be
     quiet.
     """
@@ -107,7 +107,7 @@ def steady(channel: str, values: _Array) -> Gate:
 
 
 def _off(values: _Array) -> _Array:
-    """Return how far samples are off the mean of their neighbours; of many, some are looked at."""
+    """Return how far samples are off the mean of their neighbours; of a long record, a part is examined."""
     if values.size < _PARTS:
         return np.empty(0)
     every = max(1, (values.size - 2) // _LOOKED_AT)
@@ -116,10 +116,10 @@ def _off(values: _Array) -> _Array:
 
 
 def interleaved(channel: str, values: _Array) -> Gate:
-    """Trip where every second to sixth sample differs from those between: several sensors take turns in one column.
+    """Trip where every second to sixth sample differs from those between: several sensors alternate in one column.
 
     Their offsets fade from averages over whole turns, and from others as quantisation does; what is left is not the
-    noise of any of them. A line at such a part of the rate trips as well. The drift of the record is taken off.
+    noise of any of them. A line at such a part of the rate trips as well. The drift of the record is removed.
     """
     name = "interleaved"
     for turns, which in _TURNS.items():
@@ -140,9 +140,9 @@ def interleaved(channel: str, values: _Array) -> Gate:
 
 
 def wrapped(channel: str, values: _Array, facts: Facts) -> Gate:
-    """Trip where counts start over at the end of their range, or come with their bytes in the wrong order.
+    """Trip where counts wrap at the end of their range, or have their bytes swapped.
 
-    Neighbours then differ by nearly 2^n counts, and by little once 2^n is added or taken off: signed counts that were
+    Neighbours then differ by nearly 2^n counts, and by little once 2^n is added or subtracted: signed counts that were
     read as unsigned, or counts that overflow.
     """
     name = "wrapped"

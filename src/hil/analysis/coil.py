@@ -1,4 +1,4 @@
-"""A coil as a part: the field it should give, its resistance, and whether its field follows the current."""
+"""A coil as a part: its expected field, its resistance, and the linearity of its field over the current."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def on_axis_rectangle(turns: float, side_a: float, side_b: float, distance: floa
 
 @traced
 def expected_field(turns: float, side_a: Figure, side_b: Figure, distance: Figure, current: Figure) -> Figure:
-    """Return `on_axis_rectangle` in uT with the uncertainties of its arguments carried along (GUM 10).
+    """Return `on_axis_rectangle` in uT with the uncertainties of its arguments propagated (GUM 10).
 
     Args:
         turns: number of turns, exact.
@@ -127,7 +127,7 @@ def resistance(voltages: Sequence[Figure], currents: Sequence[Figure]) -> Figure
 
 @traced
 def copper_at(measured: Figure, temperature: Figure, *, reference: float = _REFERENCE) -> Figure:
-    """Return what a copper resistance measured at one temperature is at another one.
+    """Return a copper resistance measured at one temperature, converted to another.
 
     R_ref = R (1 + a (T_ref - 20)) / (1 + a (T - 20)), a = 0.00393 per K taken as exact (IEC 60028, annealed copper).
 
@@ -154,7 +154,7 @@ def linearity(currents: Sequence[Figure], fields: Sequence[Figure], *, significa
     slope, from the current; all weights are equal where an uncertainty is unknown or zero. Full scale is the largest
     |field|. The uncertainty is that of the one distance, to first order: r = (1 - H) B with covariance
     (1 - H) diag(u^2) (1 - H)^T. The largest of several distances is biased upwards, so an upper limit stays safe.
-    Currents that differ by their noise alone, as where a contact is welded, carry no line.
+    Currents that differ only by their noise, as with a welded contact, define no line.
 
     Args:
         currents: in A, with sign; at least three different ones.
@@ -184,7 +184,7 @@ def linearity(currents: Sequence[Figure], fields: Sequence[Figure], *, significa
 
 @traced
 def line_residuals(currents: Sequence[Figure], fields: Sequence[Figure]) -> NDArray[np.float64]:
-    """Return by how much each field lies above the straight line of `linearity`, NaN where there is no line.
+    """Return the height of each field above the straight line of `linearity`, NaN if there is no line.
 
     Args:
         currents: in A, with sign; at least three different ones.

@@ -1,6 +1,6 @@
-"""Figures against each other: how much two differ and whether that means anything, and which of several is the best.
+"""Comparison of figures: how much two differ and whether that is significant, and which of several is the best.
 
-Two figures are told apart where their difference is beyond what their uncertainties explain: t = |b - a| / u with
+Two figures are distinguished if their difference exceeds what their uncertainties explain: t = |b - a| / u with
 u^2 = u_a^2 + u_b^2, against Student's distribution with the effective degrees of freedom (JCGM 100:2008, G.4). The
 errors of the two are taken as independent.
 """
@@ -26,11 +26,11 @@ class Deviation:
     """By how much a second figure deviates from a first one.
 
     Attributes:
-        relative: (second - first) / |first|, in unit 1; NOT_OBSERVABLE where one of the two is not measured, or where
-            the first cannot be told from zero.
-        difference: second - first, in the unit of the figures, whether or not the first can be told from zero;
+        relative: (second - first) / |first|, in unit 1; NOT_OBSERVABLE where one of the two is not measured, or if the
+            first cannot be distinguished from zero.
+        difference: second - first, in the unit of the figures, whether or not the first can be distinguished from zero;
             NOT_OBSERVABLE where one of the two is not measured.
-        probability: that figures which are the same differ as much by chance; NaN where nobody can say.
+        probability: that equal figures differ as much by chance; NaN if unknown.
         significant: whether the difference is beyond what the uncertainties explain.
         remark: what can be said of the difference, as a sentence without its full stop.
     """
@@ -104,10 +104,10 @@ def relative_deviation(first: Figure, second: Figure, *, confidence: float = _CO
 def normalised_error(figure: Figure, expected: Figure | None = None, *, confidence: float = _CONFIDENCE) -> Figure:
     """Return |figure - expected| / U, where U is the expanded uncertainty of the difference: at most 1 if they agree.
 
-    Unlike a relative deviation it has a meaning where the figures cannot be told from zero. The coverage factor is that
-    of Student's distribution with the effective degrees of freedom. Of n pairs of equal figures n (1 - confidence) are
-    above 1 by chance: ask for more than 95 % where many are compared. It is NOT_OBSERVABLE where a figure is not
-    measured or its uncertainty is not known, and infinite where figures without uncertainty differ.
+    Unlike a relative deviation it is meaningful even if the figures cannot be distinguished from zero. The coverage
+    factor is that of Student's distribution with the effective degrees of freedom. Of n pairs of equal figures n (1 -
+    confidence) are above 1 by chance: ask for more than 95 % where many are compared. It is NOT_OBSERVABLE where a
+    figure is not measured or its uncertainty is not known, and infinite where figures without uncertainty differ.
 
     Source: ISO/IEC 17043:2010, B.3.1.3 (E_n), with GUM G.4 for the coverage factor.
 
@@ -134,14 +134,14 @@ def normalised_error(figure: Figure, expected: Figure | None = None, *, confiden
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Place:
-    """Where one figure stands among several, the lowest first.
+    """The rank of one figure among several, the lowest first.
 
     Attributes:
         name: whose figure it is.
         figure: the figure.
         rank: one more than there are figures that are lower for certain: the best place that it can have.
         last: the worst place that it can have.
-        ties: the names of those that cannot be told from it, in their order.
+        ties: the names of those that cannot be distinguished from it, in their order.
     """
 
     name: str
@@ -163,7 +163,7 @@ class Ranking:
     Attributes:
         places: in the order of their values, the lowest first.
         unranked: why a figure has no place, by its name.
-        confidence: at which two figures are told apart.
+        confidence: at which two figures are distinguished.
     """
 
     places: tuple[Place, ...]
@@ -180,17 +180,17 @@ def rank(
 ) -> Ranking:
     """Return the places of figures, the lowest value first; for drifts and other signed figures give magnitudes.
 
-    A figure's rank is one more than there are figures that are lower for certain, so that those that cannot be told
-    apart share ranks. That is no chain: of three, the first may be told from the last and neither from the one between
-    them, which then ties with both. Pairs are compared one by one: of twenty pairs of equal figures one is told apart
-    at 95 %.
+    A figure's rank is one more than there are figures that are lower for certain, so that indistinguishable figures
+    share ranks. That is no chain: of three, the first may be distinguished from the last and neither from the one
+    between them, which then ties with both. Pairs are compared one by one: of twenty pairs of equal figures one is
+    distinguished at 95 %.
 
-    Figures that are not measured, of unknown uncertainty, no numbers, or in doubt, are not ranked.
+    Figures that are not measured, have an unknown uncertainty, are not numbers, or are in doubt, are not ranked.
 
     Args:
         figures: by name, in one unit.
         doubts: why a figure cannot be trusted, by name; none or an empty sequence is no doubt.
-        confidence: at which two figures are told apart.
+        confidence: at which two figures are distinguished.
 
     Raises:
         Refused: the figures are in different units, or the confidence is not between 0 and 1.

@@ -1,13 +1,13 @@
-"""Drift of a sensor over temperature and time: slope, offset and hysteresis, with the confidence that the record has.
+"""Drift of a sensor over temperature and time: slope, offset and hysteresis, with the record's confidence.
 
 A record of minutes holds thousands of samples and few independent ones: flicker and random walk are slow, and so is the
 temperature. So samples are averaged into bins of equal time, a line is fitted to the averages by least squares, and the
 noise of the averages is estimated as the sum of white noise, flicker and random walk, by restricted maximum likelihood.
 The uncertainty of a coefficient is that of this sum, its degrees of freedom are Satterthwaite's: a record that shows
-the slow noise badly gives wide intervals. What the line does not follow (curvature, hysteresis) counts as slow noise.
+the slow noise poorly gives wide intervals. What the line does not follow (curvature, hysteresis) counts as slow noise.
 
-A slope over temperature is that of everything that changed while the temperature did. On a single ramp, drift over time
-and over temperature cannot be told apart; heating followed by cooling separates them.
+A slope over temperature includes everything that changed along with the temperature. On a single ramp, drift over time
+and over temperature cannot be separated; heating followed by cooling separates them.
 
 Sources: D. A. Harville, Maximum likelihood approaches to variance component estimation, JASA 72 (1977); F. G.
 Giesbrecht and J. C. Burns, Biometrics 41 (1985), for the degrees of freedom; N. J. Kasdin, Proc. IEEE 83 (1995), for
@@ -49,7 +49,7 @@ _STANDS, _SHORTEST, _LONGEST = 20, 20, 1 / 3  # usual runs of one reading, sampl
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drift:
-    """What a record says of one axis; figures that it does not tell are NOT_OBSERVABLE.
+    """The results for one axis of a record; figures that it does not show are NOT_OBSERVABLE.
 
     Attributes:
         slope: change over temperature [unit/K], of the line through heating and cooling.
@@ -111,8 +111,8 @@ def drift_of(
 ) -> Drift:
     """Return drift, offset and hysteresis of one axis.
 
-    A channel that is stuck or holds no finite numbers tells nothing; a temperature that cannot be in degrees Celsius
-    (raw counts, kelvin), or that changed by too little, tells nothing per kelvin, but the drift over time remains.
+    A channel that is stuck or holds no finite numbers gives no figures; a temperature that cannot be in degrees Celsius
+    (raw counts, kelvin), or that changed by too little, gives none per kelvin, but the drift over time remains.
 
     Args:
         time: of the samples in s, rising, shape (n,).
@@ -120,7 +120,7 @@ def drift_of(
         values: of the axis in `unit`, shape (n,).
         unit: of the values.
         reference: temperature of the offset in degC.
-        least_range: change of the temperature from which on it tells a slope, in K.
+        least_range: smallest change of the temperature that gives a slope, in K.
 
     Raises:
         Refused: arrays of different shapes.
@@ -164,7 +164,7 @@ def drift_of(
 
 @traced
 def fragments(time: ArrayLike, rate: float, *, longest_gap: float | None = None) -> list[slice]:
-    """Return the parts of a record that hang together: a log that was interrupted has several.
+    """Return the contiguous parts of a record: an interrupted log has several.
 
     Args:
         time: of the samples in s, shape (n,).

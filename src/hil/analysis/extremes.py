@@ -41,7 +41,7 @@ _BLUE, _RESOLVED_BLUE = 0.8, 0.6  # of the variance of neighbours; counts that q
 def saturated(channel: str, values: _Array, facts: Facts) -> Gate:
     """Trip where a value is at full scale; where that is not known, where many share the highest or lowest value.
 
-    Noise that is not clipped thins out towards its extremes: it leaves fewer samples at the last value than beside it.
+    Noise that is not clipped thins out towards its extremes: it leaves fewer samples at the last value than next to it.
     """
     if facts.full_scale is None:
         return _clipped(channel, values)
@@ -100,10 +100,10 @@ def _cut_off(here: _Array, end: float, step: float) -> bool:
 def spikes(channel: str, values: _Array) -> Gate:
     """Trip where samples stand out of noise by far more than chance explains: single ones, and knocks that last.
 
-    Averages over 1, 4, 16 and 64 samples are held against the mean of their two neighbours; s is the robust scatter of
-    these differences. White noise passes the limit of about 7 s once in a million records. What stands in a
-    neighbourhood that is as restless is motion, and no spike. Samples beyond 3 s that hold more of the power than a
-    tail of white noise trip as well: then the noise is not one noise.
+    Averages over 1, 4, 16 and 64 samples are compared with the mean of their two neighbours; s is the robust scatter of
+    these differences. White noise passes the limit of about 7 s once in a million records. A peak in an equally
+    restless neighbourhood is motion, not a spike. Samples beyond 3 s that hold more of the power than a tail of white
+    noise trip as well: then the noise is not one noise.
     """
     name = "spikes"
     step = step_of(values) or 0.0
@@ -149,7 +149,7 @@ def spikes(channel: str, values: _Array) -> Gate:
 
 
 def averaged(values: _Array, width: int) -> _Array:
-    """Return the means of so many samples each, a power of two."""
+    """Return the means over blocks of samples whose length is a power of two."""
     if width == 1:
         return values
     means = np.empty(values.size // width)
@@ -162,7 +162,7 @@ def averaged(values: _Array, width: int) -> _Array:
 
 
 def robust(values: _Array, step: float = 0.0) -> float:
-    """Return the robust scatter of samples from the mean of their neighbours; of many, some are looked at.
+    """Return the robust scatter of samples from the mean of their neighbours; of a long record, a part is examined.
 
     With a step between two readings these differences come in halves of it, and so would their median: it is then that
     of differences spread evenly over each half step.
@@ -205,7 +205,7 @@ def _alone(values: _Array, place: int, limit: float) -> bool:
 
 
 def rounding(values: _Array, facts: Facts) -> float:
-    """Return by which part white noise reads too large because readings are rounded to counts; 0 if they show none.
+    """Return the relative excess of white noise due to rounding to counts; 0 if the readings show no counts.
 
     Rounding adds a variance of q^2 / 12 to that of the noise before it.
     """

@@ -1,4 +1,4 @@
-"""Flight logs: what each phase at rest or in rotation shows of a gyroscope and a magnetometer, and how good it is."""
+"""Flight logs: results of a gyroscope and a magnetometer for each phase at rest or in rotation, and their quality."""
 
 from __future__ import annotations
 
@@ -39,14 +39,14 @@ _Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Phase:
-    """A part of a log in which one thing happened.
+    """A phase of a log: rest, rotation or other motion.
 
     Attributes:
         kind: what happened.
         first, last: its samples, counted from 0.
         begin, end: when, in s after the first sample; to within a window.
         rates: mean rate of each axis as read: at rest the bias.
-        white: white noise of each axis at rest, two-sided, as the Allan deviation tells it; not observable elsewhere.
+        white: white noise of each axis at rest, two-sided, from the Allan deviation; not observable elsewhere.
         turning: rms magnitude of the rate without bias and noise; not observable at rest, and where it is less than
             twice its uncertainty. The first and the last window of a motion, in which it may have begun or ended, play
             no part where there are five.
@@ -80,7 +80,7 @@ class Flight:
 
     Attributes:
         unit: of the rates.
-        window: length of a window in s, which is how well beginnings and ends are known.
+        window: length of a window in s, which is the resolution of beginnings and ends.
         bias: of each axis, the median of the windows at rest; zeros if it never was at rest.
         noise: of a sample of each axis, standard deviation.
         phases: in order of time.
@@ -117,15 +117,15 @@ def flight_phases(  # noqa: PLR0913 - two sensors, each with what is known of it
         rates: of the gyroscope, shape (n, 3), evenly spaced; NaN where a sample is missing.
         rate: samples per second.
         unit: of the rates.
-        still: what a bias may change by within the log, in `unit`: slower turns are told by the field alone.
+        still: permitted change of a bias within the log, in `unit`: slower turns are detected by the field alone.
         radians: how many rad/s one `unit` is, NaN if that is not known.
         field: of the magnetometer, shape (n, 3), at the same times; NaN where it has no reading.
         field_unit: of the field.
         field_rate: readings of the magnetometer per second, where they are fewer than those of the gyroscope.
         microtesla: how many uT one `field_unit` is, NaN if that is not known.
         window: in s.
-        shortest: phase that is told, in s.
-        facts, field_facts: what is known of the sensors, for the gates.
+        shortest: shortest phase that is reported, in s.
+        facts, field_facts: facts about the sensors, for the gates.
 
     Raises:
         Refused: no log that can be cut into ten windows, or none of them with readings of both.

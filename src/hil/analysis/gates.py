@@ -1,4 +1,4 @@
-"""Gates on what a channel reads: questions to its samples before anything is computed from them."""
+"""Gates on the samples of a channel, applied before anything is computed from them."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ __all__ = [
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Gate:
-    """One question to a recording that must be answered well before anything is concluded from it.
+    """One condition on a recording that must hold before anything is concluded from it.
 
     Attributes:
-        name: what is asked, such as `stuck`.
+        name: name of the gate, such as `stuck`.
         channel: the channel that was asked, empty if it was the recording as a whole.
         ok: the answer; None if a fact is missing, so that nothing could be judged.
         reason: what was found, or which fact is missing, in a sentence.
@@ -55,7 +55,7 @@ class Gate:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Facts:
-    """What is known of a sensor and its settings; None if it is not known. Units are those of the channels.
+    """Facts about a sensor and its settings; None if unknown. Units are those of the channels.
 
     Attributes:
         rate: samples per second that were asked for.
@@ -110,12 +110,12 @@ def present(values: _Array) -> _Array:
 
 
 def stuck(channel: str, values: _Array) -> Gate:
-    """Trip where a channel never moves, or stands still for much longer than chance explains.
+    """Trip where a channel never changes, or holds a value for much longer than chance explains.
 
-    In n samples of which a share p repeats the one before, the longest run of equal samples is about
-    ln(n) / -ln(p); three times that, ten samples, and what one record in a million holds are allowed. A signal that
-    turns back or rests in the middle of a count repeats more often there than elsewhere: p is at least the share of its
-    noise that stays within a count.
+    In n samples of which a share p repeats the one before, the longest run of equal samples is about ln(n) / -ln(p);
+    three times that, ten samples, and what one record in a million holds are allowed. A signal that turns around or
+    rests in the middle of a count repeats more often there than elsewhere: p is at least the share of its noise that
+    stays within a count.
     """
     values = present(values)
     if values.size < 2:
@@ -176,7 +176,7 @@ def _longest(again: NDArray[np.intp]) -> tuple[int, int]:
 def repeated(channels: Mapping[str, _Array]) -> Gate:
     """Trip where whole rows repeat the row before: the sensor was read faster than it measures.
 
-    It trips as well where all rows stand twice or three times: a log that was added to itself tells no more than once.
+    It also trips where all rows appear two or three times: a log appended to itself holds no more information.
     A few repetitions are chance: more of them than one record in a million holds are not. With several channels they
     are expected in the product of the channels' own shares; with one, in 0.28 steps over the standard deviation of its
     noise.
@@ -213,7 +213,7 @@ def _explained(count: int, usual: float) -> bool:
 
 
 def copies(columns: Iterable[_Array]) -> int:
-    """Return how many times the same rows stand one after the other, 2 or 3; 1 where they do not, or never move."""
+    """Return how many times the same rows appear in succession, 2 or 3; 1 where they do not, or never change."""
     arrays = list(columns)
     for times in (2, 3):
         part = arrays[0].size // times if arrays else 0
@@ -243,7 +243,7 @@ def _expected(values: _Array) -> float:
 
 
 def alike(channels: Mapping[str, float]) -> Gate:
-    """Trip where the noise of one channel is that of its siblings times a factor that a mixed-up unit makes.
+    """Trip where the noise of one channel is that of its siblings times the factor of a mixed-up unit.
 
     Args:
         channels: noise by name of the channel, in one unit.
@@ -271,8 +271,8 @@ _ZERO = 273.15
 def celsius(channel: str, values: NDArray[np.float64], *, series: bool = True) -> Gate:
     """Trip where a temperature cannot be in degrees Celsius: raw counts, or kelvin.
 
-    Raw counts are whole numbers that lie where no part survives, or whose noise would be kelvins from sample to sample;
-    the latter only if the values are a series, and not a table of set temperatures.
+    Raw counts are whole numbers beyond any survivable temperature, or whose noise would be kelvins from sample to
+    sample; the latter only if the values are a series, and not a table of set temperatures.
     """
     present = values[np.isfinite(values)]
     if not present.size:

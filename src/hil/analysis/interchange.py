@@ -1,4 +1,4 @@
-"""What calibrations for others share: documents with a fingerprint, and numbers as C and JSON print them."""
+"""Common parts of exported calibrations: documents with a fingerprint, and numbers as C and JSON print them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The field of a coil, separated from the Earth's: its odd response to the current, and where that points."""
+"""The field of a coil, separated from the Earth's: its odd response to the current, and its direction."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _Phase = Sequence[ArrayLike] | _Vector
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Response:
-    """What a coil adds to the field.
+    """A coil's contribution to the field.
 
     Attributes:
         odd: (3,), the part that follows the sign of the current: the coil's field at +I.
@@ -63,7 +63,7 @@ class Response:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Direction:
-    """Where a coil's field points.
+    """The direction of a coil's field.
 
     Significance and sense are statistics, exact as computed: a limit on them is decided `simple`.
 
@@ -155,7 +155,7 @@ def direction(
     Args:
         response: of the coil, from `odd_response`.
         outward_normal: (3,), in the magnetometer's axes, any length but zero.
-        alignment: standard uncertainty in deg of how the magnetometer stands to the board.
+        alignment: standard uncertainty in deg of the magnetometer's alignment with the board.
         significant: how many standard uncertainties a projection must have before its sign counts, and a field
             before it has an angle.
     """

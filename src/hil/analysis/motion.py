@@ -1,9 +1,9 @@
 """Motion in a log: when a gyroscope and a magnetometer were at rest, when they turned, and when they were shaken.
 
-Nobody noted when a satellite or a balloon was at rest: the readings must tell. They are cut into windows of equal
-length. A window is quiet where every axis scatters as little as the sensor's own noise, and the field stands still
-where its vector does. A steady spin is quiet as well: only the field, or a rate beyond what a bias may be, tells it
-from rest.
+The times at which a satellite or a balloon was at rest are not recorded: the readings must show them. They are cut into
+windows of equal length. A window is quiet where every axis scatters as little as the sensor's own noise, and the field
+stands still where its vector does. A steady spin is quiet as well: only the field, or a rate beyond any bias,
+distinguishes it from rest.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _Array = NDArray[np.float64]
 
 
 class Kind(StrEnum):
-    """What happened in a phase."""
+    """The kind of motion in a phase."""
 
     REST = "rest"
     ROTATION = "rotation"
@@ -45,7 +45,7 @@ class Kind(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Run:
-    """Samples in which one thing happened, from `first` to before `after`; whether the field stood still meanwhile."""
+    """Samples of one kind of motion, from `first` to before `after`, and whether the field stood still meanwhile."""
 
     kind: Kind
     first: int
@@ -73,14 +73,14 @@ class Motions:
 def motions(
     rates: _Array, field: _Array | None, width: int, *, still: float, shortest: int, every: float = 1.0
 ) -> Motions:
-    """Tell rest from motion.
+    """Separate rest from motion.
 
     Args:
         rates: of the gyroscope, shape (n, 3), evenly spaced; NaN where a sample is missing.
         field: of the magnetometer, shape (n, 3), at the same times; NaN where it has no reading.
         width: samples of a window; n is ten times that at least.
         still: what a bias may change by, in the unit of the rates.
-        shortest: windows of a run that is told.
+        shortest: shortest run that is reported, in windows.
         every: rows to a reading of the magnetometer, 1 if it is as fast as the gyroscope.
     """
     seen = _Windows.cut(rates, width, field=None if field is None else _Windows.cut(field, width, every=every))

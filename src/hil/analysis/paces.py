@@ -1,7 +1,7 @@
-"""Which rows of a log are a sensor's own, where sensors of different rates stand beside each other.
+"""Which rows of a log are a sensor's own, if it holds sensors of different rates.
 
-A log has one row for each reading of the fastest sensor, or one for each reading of any. What stands in a row for a
-sensor that has no new reading is nothing, or its last one once more.
+A log has one row for each reading of the fastest sensor, or one for each reading of any. In a row without a new
+reading, a sensor's cells are empty, or repeat its last reading.
 """
 
 from __future__ import annotations

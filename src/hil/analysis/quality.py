@@ -1,4 +1,4 @@
-"""Quality of a recording or a log: what its samples, times and noise must fulfil before anything is computed."""
+"""Quality of a recording or a log: conditions on its samples, timestamps and noise before anything is computed."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _OFF = 0.02  # of the rate: Allan times and densities move by half of it
 
 
 def timing(time: ArrayLike, facts: Facts) -> tuple[SamplingReport | None, tuple[Gate, ...]]:
-    """Return what the timestamps say, None if they say nothing, and the gates on them.
+    """Return the report on the timestamps, None if they allow none, and the gates on them.
 
     Args:
         time: timestamps in s, shape (n,).
@@ -137,12 +137,12 @@ def judge(time: ArrayLike, channels: Mapping[str, ArrayLike], facts: Facts) -> t
 
     For the recording: order, gaps, jitter, rate, repeated, aliased, alike. For each channel: finite, stuck, saturated,
     spikes, resolved, wrapped, jumps, steady, interleaved and density; for the temperature finite and celsius only,
-    because a temperature may well stand still.
+    because a temperature may well be constant.
 
     Args:
         time: timestamps in s, shape (n,).
         channels: values by name, each of shape (n,).
-        facts: what is known of the sensor.
+        facts: facts about the sensor.
 
     Raises:
         Refused: a channel that has not as many values as there are timestamps.
@@ -161,7 +161,7 @@ def read(channels: Mapping[str, NDArray[np.float64]], facts: Facts, rate: float 
 
     Args:
         channels: values by name, all of one shape (n,).
-        facts: what is known of the sensor.
+        facts: facts about the sensor.
         rate: samples per second, None if it is not known.
     """
     given = {name: values for name, values in channels.items() if name != facts.temperature}

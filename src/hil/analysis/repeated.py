@@ -1,7 +1,8 @@
-"""One sensor warmed and cooled twice in the same way: whether its drift over temperature is still the same.
+"""One sensor warmed and cooled twice in the same way: whether its drift over temperature has changed.
 
-Two slopes, each with its own uncertainty, tell little of that: what a line does not follow, such as a loop of
-hysteresis, is doubt of both, though it is alike in both. In the difference of the runs, sample by sample, it cancels.
+Two slopes, each with its own uncertainty, show little of that: deviations from a line, such as a hysteresis loop, add
+to the uncertainty of both, although they are the same in both. In the difference of the runs, sample by sample, it
+cancels.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ _Arrays: TypeAlias = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.
 
 @traced
 def drift_change(first: _Run, again: _Run, unit: str) -> Drift:
-    """Return by how much the drift of an axis changed from one run to a second one with the same course of temperature.
+    """Return the change in the drift of an axis from one run to a second one with the same temperature profile.
 
     The slope is that of the second run less that of the first, from their difference at equal times since they began.
     Each run is taken less the line of the first one before, so that a run that became a little warmer or colder changes

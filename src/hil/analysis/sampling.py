@@ -1,4 +1,4 @@
-"""How a record was sampled: rate and its uncertainty, jitter, rounding, bursts, gaps, and the place of each sample."""
+"""The sampling of a record: rate and its uncertainty, jitter, rounding, bursts, gaps, and the place of each sample."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _WANDER = (1.5, 3.0)  # resolutions that rounded times keep to, with few and wit
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SamplingReport:
-    """What the timestamps of a record say.
+    """The sampling of a record, according to its timestamps.
 
     Attributes:
         samples: number of timestamps.

@@ -1,4 +1,4 @@
-"""Means of samples that hang together, and the degrees of freedom of combined uncertainties."""
+"""Means of correlated samples, and the degrees of freedom of combined uncertainties."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ __all__ = [
 def mean(samples: ArrayLike, unit: str, *, systematic: float | None = None) -> Figure:
     """Return the mean of equally spaced samples, with an uncertainty that allows for their correlation.
 
-    With correlation time tau (see `correlation_time`) the n samples are worth n / tau independent ones. Then
+    With correlation time tau (see `correlation_time`) the n samples are equivalent to n / tau independent ones. Then
     s^2 = sum (x - mean)^2 / (n - tau), u^2 = s^2 tau / n + systematic^2, and the first part has n / tau - 1 degrees
     of freedom. The 95 % interval covers as stated from about a hundred correlation times on; below thirty it is too
     narrow, because the samples do not show how slowly they wander.
@@ -119,7 +119,7 @@ def standard_deviation(samples: ArrayLike, unit: str) -> Figure:
 
 @traced
 def magnitude(components: Sequence[Figure]) -> Figure:
-    """Return the length of a vector, with the uncertainty of independent components carried along (GUM 10).
+    """Return the length of a vector, with the uncertainty of independent components propagated (GUM 10).
 
     Args:
         components: in one unit.
@@ -137,13 +137,13 @@ def magnitude(components: Sequence[Figure]) -> Figure:
 
 @traced
 def share_known(values: Sequence[float]) -> Figure:
-    """Return which part of these numbers, of at least one, is finite."""
+    """Return the fraction of these numbers, at least one, that is finite."""
     return Figure(value=sum(map(math.isfinite, values)) / len(values), unit="1")
 
 
 @traced
 def widened(figure: Figure, *, absolute: float = 0.0, relative: float = 0.0) -> Figure:
-    """Return a figure with more uncertainty, added in quadrature: it can become larger only.
+    """Return a figure with additional uncertainty, added in quadrature: it can only become larger.
 
     Args:
         figure: of known uncertainty, else it stays unknown.
@@ -159,13 +159,13 @@ def widened(figure: Figure, *, absolute: float = 0.0, relative: float = 0.0) -> 
 
 
 def not_observable(unit: str, value: float = math.nan) -> Figure:
-    """Return the figure of something that the data do not show; it never passes a check."""
+    """Return a figure for a quantity that the data do not show; it never passes a check."""
     return Figure(value=value, unit=unit, status=FigureStatus.NOT_OBSERVABLE)
 
 
 @traced
 def observed(value: float | None, unit: str, uncertainty: float | None = None) -> Figure:
-    """Return a number that something told, NOT_OBSERVABLE where it told none.
+    """Return a reported number, NOT_OBSERVABLE if none was reported.
 
     Args:
         value: in `unit`, or None.

@@ -17,7 +17,7 @@ class Column:
         name: its heading.
         unit: follows the name in square brackets; not if there is none, or it is `1`.
         form: how its values are written, as a format of Python such as `.3f`; empty for text and whole numbers.
-        missing: what stands for a number that is none; None writes it as Python does.
+        missing: the text for a number that is not finite; None writes it as Python does.
     """
 
     name: str

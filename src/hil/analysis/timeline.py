@@ -1,4 +1,4 @@
-"""Times of a log as they are: their unit, counters that wrap, rows out of order, and the place of each sample."""
+"""Timestamps of a log: their unit, counters that wrap, rows out of order, and the place of each sample."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ _NAMED = 10  # samples that a gate names
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Timeline:
-    """The times of a log, understood.
+    """The interpreted timestamps of a log.
 
     Attributes:
         seconds: since the first sample, shape (k,); rising, unless a gate says otherwise.
@@ -77,10 +77,10 @@ class Timeline:
 
 
 def time_unit(typed: str | None, column: str, values: ArrayLike) -> tuple[str, str]:
-    """Return the unit of timestamps, and a remark if nobody typed it and it is not s.
+    """Return the unit of timestamps, and a remark if it was not given and is not s.
 
     Args:
-        typed: what somebody said, None if nobody did.
+        typed: the unit given by the user, None if none was given.
         column: its name, such as `time [ms]` or `timestamp_us`.
         values: the timestamps; those of an epoch show their unit by their size.
     """
@@ -100,10 +100,10 @@ def time_unit(typed: str | None, column: str, values: ArrayLike) -> tuple[str, s
 def timeline(
     timestamps: ArrayLike, unit: str = "s", *, typed: bool = True, column: str = "", values: ArrayLike | None = None
 ) -> Timeline:
-    """Understand the timestamps of a log.
+    """Interpret the timestamps of a log.
 
-    Counters that wrap are continued; a row of the log that is written twice is left out; rows that changed places are
-    put back; each with a remark. What cannot be explained trips a gate.
+    Counters that wrap are continued; a duplicated row is left out; rows out of order are sorted; each with a remark.
+    What cannot be explained trips a gate.
 
     Args:
         timestamps: as they are written, shape (n,).
@@ -111,7 +111,7 @@ def timeline(
         typed: whether somebody said that this is the unit; otherwise an unlikely interval trips the gate `time_unit`,
             and so does a column that counts samples, as its name says.
         column: its name.
-        values: what stands beside each timestamp, shape (n, channels).
+        values: the values at each timestamp, shape (n, channels).
 
     Raises:
         Refused: fewer than three timestamps, or none that follows another.
@@ -154,7 +154,7 @@ def _filled(raw: _Array, remarks: list[str]) -> tuple[_Array, list[Gate]]:
 
 
 def unwrapped(raw: _Array) -> tuple[_Array, tuple[str, ...]]:
-    """Return timestamps with a counter continued that starts over where its range ends, and a remark if there is one.
+    """Return timestamps with a wrapping counter continued, and a remark if there is one.
 
     Args:
         raw: as they are written, shape (n,).

@@ -1,4 +1,4 @@
-"""Results that know where they come from: what comes out of a function of the library names what went in."""
+"""Results with provenance: the output of a library function names its input."""
 
 from __future__ import annotations
 
@@ -121,7 +121,7 @@ _WROTE = "the plan wrote values into the samples"
 
 
 class Samples(np.ndarray[Any, np.dtype[Any]]):
-    """An array with its provenance, which parts of it and what NumPy computes of it have, too."""
+    """An array with its provenance, which is passed on to its slices and to NumPy results."""
 
     _own: Provenance | None
     _wrote: list[Provenance]
@@ -224,7 +224,7 @@ for _name in ("cumprod", "dot", "max", "mean", "min", "prod", "std", "sum", "var
 
 
 def samples(array: NDArray[Any], provenance: Provenance) -> Samples:
-    """Return a view of an array that knows where it is from."""
+    """Return a view of an array with its provenance."""
     view = array.view(Samples)
     view._own, view._wrote = provenance, []  # noqa: SLF001 - made here
     return view

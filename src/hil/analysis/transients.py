@@ -1,10 +1,10 @@
-"""What a captured waveform shows: when levels are crossed, rise time, time beyond a level, peak and charge.
+"""Figures of a captured waveform: level crossings, rise time, time beyond a level, peak and charge.
 
 Every function takes times in s and values of one channel, both of shape (n,), times rising. Between samples the signal
-is taken for a straight line. Uncertainties are standard uncertainties of sampling and resolution alone (GUM 4.3.7, a
+is interpolated linearly. Uncertainties are standard uncertainties of sampling and resolution alone (GUM 4.3.7, a
 rectangle of half width a has a / sqrt(3)): an instant may lie up to one sample interval away, and a value up to half a
-`resolution`, the step of the converter, None or 0 where there is none. Noise is told from the samples. The certificate
-of the instrument is not in them. Names of transitions are those of IEEE Std 181-2011, from memory.
+`resolution`, the step of the converter, None or 0 where there is none. Noise is estimated from the samples. The
+instrument's certificate is not included. Names of transitions are those of IEEE Std 181-2011, from memory.
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ def rise_time(
         resolution: step of the converter, in the unit of the values.
 
     Raises:
-        Refused: the arrays are no waveform, the shares are out of order, or nothing tells the base.
+        Refused: the arrays are no waveform, the shares are out of order, or the base cannot be determined.
     """
     times, signal = _waveform(time, values)
     if not 0 < low < high < 1:
@@ -222,7 +222,7 @@ def joule_integral(
 ) -> Figure:
     """Return the integral of the square of a current from the trigger on, such as A².s, by the trapezoidal rule.
 
-    It is what heats a fuse or welds a contact (I²t). The uncertainty has the parts of `charge`, each with twice the
+    This is the I²t that heats a fuse or welds a contact. The uncertainty has the parts of `charge`, each with twice the
     current as its sensitivity.
 
     Args:

@@ -86,10 +86,10 @@ class MovingAverage:
 
 @traced
 def best_average(model: NoiseModel) -> MovingAverage:
-    """Return the moving average at the minimum of the Allan deviation: averaging longer lets slower noise in.
+    """Return the moving average at the minimum of the Allan deviation: longer averaging admits slower noise.
 
-    The minimum is flat. The uncertainty of `model.averaging_window` spans the windows that are as good within the
-    record's knowledge; the shortest of them delays least.
+    The minimum is flat. The uncertainty of `model.averaging_window` spans the windows that the record cannot
+    distinguish from it; the shortest of them has the least latency.
 
     Raises:
         Refused: the record does not show its minimum.
@@ -112,10 +112,10 @@ def rest_mean(samples: ArrayLike, rate: float, unit: str, *, systematic: float =
     u^2 is the Allan variance at the record's own length T, plus systematic^2. It is that at tau, the longest octave
     within an eighth of the record, extrapolated to T by the noise type found there: tau / T for white noise, 1 for
     flicker and T / tau for random walk. For white noise this is s^2 / n; under flicker or random walk, s / sqrt(n)
-    would promise far too much. Degrees of freedom are those of the Allan variance at tau.
+    would be far too small. Degrees of freedom are those of the Allan variance at tau.
 
     Args:
-        samples: shape (n,), in `unit`; NaN stands for a sample that is missing. Fewer than 16 samples, and samples that
+        samples: shape (n,), in `unit`; NaN marks a missing sample. Fewer than 16 samples, and samples that
             are all the same, make the mean NOT_OBSERVABLE.
         rate: samples per second.
         unit: unit of samples and result.

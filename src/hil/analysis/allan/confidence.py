@@ -1,4 +1,4 @@
-"""How far a deviation can be trusted: noise type, equivalent degrees of freedom, chi-square interval.
+"""The confidence of a deviation: noise type, equivalent degrees of freedom, chi-square interval.
 
 Sources: C. A. Greenhall and W. J. Riley, "Uncertainty of stability variances based on finite differences", 35th PTTI
 Meeting, 2003 (degrees of freedom; the equation and case numbers below are its own); W. J. Riley and C. A. Greenhall,
@@ -46,12 +46,12 @@ def identify(averages: _Array, reddest: int = -2, *, averaged: bool = False) -> 
     held within `reddest` and 2 (Riley and Greenhall 2004, and SP1065's section on noise identification).
 
     This holds for samples. Once differenced, averages over many samples have r1 = -0.22 under flicker and 0.25 under
-    random walk, where the published bound is -0.2: it calls nearly every other flicker a random walk. For averages the
-    bound is 0, and a standard deviation of r1 beyond, so that no type is redder than the data show.
+    random walk, where the published bound is -0.2: it takes nearly half of all flicker for random walk. For averages
+    the bound is 0, and a standard deviation of r1 beyond, so that no type is redder than the data show.
 
     Args:
         averages: rate averaged over consecutive windows of one length, shape (k,).
-        reddest: the lowest type to tell apart: -2, or -4 for a Hadamard variance.
+        reddest: the lowest type to distinguish: -2, or -4 for a Hadamard variance.
         averaged: whether a window is longer than a sample.
     """
     if averages.size < _FEWEST_AVERAGES:
@@ -87,9 +87,9 @@ def _without_drift(values: _Array) -> _Array:
 def degrees(estimator: str, alpha: int, m: int, terms: int, samples: int) -> float:
     """Return the equivalent degrees of freedom of one point of a deviation.
 
-    Total variance: b T / tau - c (SP1065 table 7), at most those of as many overlapping differences; for alpha 1 and
-    2, for which none are published, those of the overlapping Allan variance. Without overlap: equation 10 of Greenhall
-    and Riley with a stride of m samples. All others: `edf`.
+    Total variance: b T / tau - c (SP1065 table 7), at most those of the same number of overlapping differences; for
+    alpha 1 and 2, for which none are published, those of the overlapping Allan variance. Without overlap: equation 10
+    of Greenhall and Riley with a stride of m samples. All others: `edf`.
 
     Args:
         estimator: its name, a key of REDDEST.

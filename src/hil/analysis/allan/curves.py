@@ -1,10 +1,10 @@
-"""Whether slow noise of a record is noise, or a curve that is no noise: a warm-up or a slow sine.
+"""Whether the slow part of a record is noise, or a deterministic curve: a warm-up or a slow sine.
 
-Averages over the cells of a record are taken apart into cosines (DCT-II), which are nearly independent under white
+Averages over the cells of a record are decomposed into cosines (DCT-II), which are nearly independent under white
 noise, flicker and random walk; their variances are those of the spectrum at k / 2T. Models are compared by the
 likelihood of Whittle (1953), with a straight line in all of them: noise alone, and white noise, white noise with
-flicker, or all noises with a curve. Curves are exponentials and sines, and beside white noise a jump of the mean; the
-one that explains most stands for its kind.
+flicker, or all noises with a curve. Curves are exponentials and sines, and with white noise also a jump of the mean;
+the one that explains most represents its kind.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _NOISE = 3.0  # by which slow noise must be more likely than white noise with a 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Slow:
-    """What the slow part of a record is.
+    """The nature of the slow part of a record.
 
     Attributes:
         curve: description of a curve that the record holds, empty if it shows none.
@@ -82,10 +82,10 @@ class Slow:
 
 
 def slow(values: _Array, rate: float) -> Slow | None:
-    """Return what the slow part of a record is, None if it is too short to tell.
+    """Return a description of the slow part of a record, None if it is too short to determine.
 
     Args:
-        values: evenly spaced rate, shape (n,); NaN stands for a missing sample.
+        values: evenly spaced rate, shape (n,); NaN marks a missing sample.
         rate: samples per second.
     """
     means, step = _means(values, rate)
@@ -272,5 +272,5 @@ def _described(shape: float) -> str:
 
 
 def roughly(number: float) -> str:
-    """Return a number to two digits, as a person would say it: 300, not 3e+02."""
+    """Return a number to two digits in plain notation: 300, not 3e+02."""
     return f"{float(f'{number:.2g}'):g}"

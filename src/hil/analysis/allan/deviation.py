@@ -51,7 +51,7 @@ def overlapping(phase: _Array, m: int) -> tuple[float, int]:
 
 
 def nonoverlapping(phase: _Array, m: int) -> tuple[float, int]:
-    """Return the Allan variance of averages side by side and its number of terms, SP1065 equation 9."""
+    """Return the Allan variance of adjacent averages and its number of terms, SP1065 equation 9."""
     picked = phase[::m]
     squares = [_power(_second(picked, 1, first, last)) for first, last in _blocks(0, picked.size - 2)]
     return math.fsum(squares) / (2.0 * m * m * (picked.size - 2)), picked.size - 2
@@ -60,8 +60,8 @@ def nonoverlapping(phase: _Array, m: int) -> tuple[float, int]:
 def overlapping_with_holes(phase: _Array, m: int, holes: NDArray[np.int64]) -> tuple[float, int]:
     """Return the overlapping Allan variance of a record in which samples are missing, and its number of terms.
 
-    An average is taken over the samples that are there. Terms with an average that misses more than MOST_MISSING of its
-    samples are left out; no phase is carried over them, because what the rate did in a hole is not known. Without any
+    An average is taken over the existing samples. Terms with an average that lacks more than MOST_MISSING of its
+    samples are left out; no phase is carried over them, because the rate in a hole is unknown. Without any
     term the variance is NaN.
 
     Args:
@@ -201,12 +201,12 @@ def deviation(
     phases that are the running sum of the rate without its mean, which changes nothing but the rounding; time is
     tau / sqrt(3) times modified, in `unit` times s. Intervals are chi-square with the
     equivalent degrees of freedom of the noise type identified at each averaging time; where fewer than 30 averages are
-    left, or a bluer type could be chance, the type of the nearest shorter time stands in. Total deviations are divided
-    by their known bias under flicker and random walk. Needs one copy of the data beside them.
+    left, or a bluer type could be chance, the type of the nearest shorter time is used. Total deviations are divided
+    by their known bias under flicker and random walk. Needs memory for one extra copy of the data.
 
-    Octaves of the overlapping deviation of 2^21 samples or more, none of them missing, are taken in one pass that needs
-    a sixteenth of the data beside them: exactly up to m = 16, and beyond from the differences that begin at every
-    m/16-th sample. What is left out tells nothing new: the variance of the result grows by less than 2 %.
+    Octaves of the overlapping deviation of 2^21 samples or more, none of them missing, are computed in one pass that
+    needs a sixteenth of the data as extra memory: exactly up to m = 16, and beyond from the differences that begin at
+    every m/16-th sample. What is left out adds no information: the variance of the result grows by less than 2 %.
 
     Args:
         data: evenly spaced rate, shape (n,), in `unit`.
@@ -216,7 +216,7 @@ def deviation(
         estimator: one of ESTIMATORS.
         unit: unit of the data.
         confidence: of the intervals, between 0 and 1.
-        holes: whether NaN stands for a sample that is missing (overlapping only). Averages are then taken over what is
+        holes: whether NaN marks a missing sample (overlapping only). Averages are then taken over what is
             there, differences with an average that misses more than 5 % are left out, and averaging times without any
             difference as well.
         exact: whether every difference is taken however long the record is, for comparison with other programs.

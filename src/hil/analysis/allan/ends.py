@@ -1,4 +1,4 @@
-"""What taking a straight line off a record does to its long averages: their expectation, and how well they are known.
+"""The effect of removing a straight line from a record on its long averages: their expectation, and their uncertainty.
 
 A line that is fitted takes some of the slow noise with it. How much depends on the noise and on tau / T alone; it is
 computed on a grid of 128 to 255 averages over the record, of which every second difference is taken, from the
@@ -37,12 +37,12 @@ class End:
     products: _Array
 
     def edf(self, shares: _Array) -> float:
-        """Return the degrees of freedom under a mixture; shares of the variance before the line was taken off."""
+        """Return the degrees of freedom under a mixture; shares of the variance before the line was removed."""
         return float((shares @ self.kept) ** 2 / (shares @ self.products @ shares))
 
 
 def ends(samples: int, m: int) -> End | None:
-    """Return what the line does to averages of m samples; None where they are so short that it does nothing."""
+    """Return the effect of the line on averages of m samples; None where they are so short that there is none."""
     cell = _cell(samples)
     return _end(samples // cell, m // cell) if m // cell >= _COARSEST else None
 
@@ -111,7 +111,7 @@ _BLOCK = 1 << 16
 
 
 def without(values: _Array, slope: float) -> _Array:
-    """Return a copy of values from which a line through zero was taken off."""
+    """Return a copy of values with a line through zero removed."""
     bare = np.arange(values.size, dtype=np.float64)
     bare *= -slope
     bare += values

@@ -48,7 +48,7 @@ class Points:
 
     Attributes:
         rate: samples per second.
-        samples: length of the record, of which a line was taken off.
+        samples: length of the record from which a line was removed.
         m: averaging factors.
         terms: number of averaged second differences.
         variance: Allan variances.
@@ -114,12 +114,12 @@ def _sampled_flicker(m: int) -> float:
 
 
 def fit(points: Points) -> Fit:
-    """Fit every subset of the terms and return the one with the smallest chi-square, 9 being paid for each term.
+    """Fit every subset of the terms and return the one with the smallest chi-square, with a penalty of 9 for each term.
 
     Generalised least squares with the relative covariance of the points under the fitted noise, relative to the model
-    and iterated until it repeats itself: the estimating equation of a gamma variate, unbiased also where few degrees
-    of freedom make the points skewed. A subset with a negative N^2, B^2 or K^2, or variance, is left out. What is
-    offered comes from all terms together, so that a term that was not selected bends no other.
+    and iterated until it converges: the estimating equation of a gamma variate, unbiased also where few degrees of
+    freedom make the points skewed. A subset with a negative N^2, B^2 or K^2, or variance, is left out. What is offered
+    comes from all terms together, so that a term that was not selected does not bias the others.
 
     Args:
         points: what to fit; at least one point more than terms.

@@ -1,4 +1,4 @@
-"""Noise of a sensor at rest: what its Allan curve says.
+"""Noise of a sensor at rest, from its Allan curve.
 
 Definitions of the coefficients: IEEE Std 952-1997, annex C.
 """
@@ -59,7 +59,7 @@ def characterise(
     sampled form. R is the slope of the straight line through the record; the others are fitted by `allan_fit.fit` to
     the overlapping Allan variance, at octaves of tau, of the record without that line.
 
-    A filter before the sampling takes a part off that fades as 1 / tau^2; it is fitted with Q. Averaging times below
+    A filter before the sampling removes a part that fades as 1 / tau^2; it is fitted with Q. Averaging times below
     five time constants of a filter that the spectrum shows (`rolloff`) are left out. Where the misfit has a probability
     below 0.001, the shortest ones are left out until it is 0.05, up to half of the points, and then one more; if that
     does not help, the model is rejected. So is a fit that is too good, of a probability above 0.999, and one where a
@@ -81,7 +81,7 @@ def characterise(
         tau_min: averaging times below this, in s, are not fitted.
         tau_max: averaging times beyond this, in s, are not fitted.
         bandwidth: where the sensor's own filter is 3 dB down, in Hz: averaging times below its inverse are not fitted.
-        holes: whether NaN stands for a sample that is missing; see `deviation`.
+        holes: whether NaN marks a missing sample; see `deviation`.
 
     Raises:
         Refused: the data are not a finite series of two samples or more, or the rate is none of a sensor.

@@ -70,7 +70,7 @@ class AllanCurve:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NoiseModel:
-    """What a record at rest says of a sensor's noise.
+    """A sensor's noise, as shown by a record at rest.
 
     Attributes:
         quantisation: quantisation of the angle Q, in unit*s.

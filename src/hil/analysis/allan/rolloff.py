@@ -1,7 +1,7 @@
 """Where a filter before the sampling rolls off, found in the spectrum of a record at rest.
 
 No sum of quantisation, white noise, flicker and random walk falls faster towards high frequencies than at low ones;
-what a filter let through does. The spectrum is averaged over windowed parts of the record (Welch 1967) and over bands.
+filtered noise does. The spectrum is averaged over windowed parts of the record (Welch 1967) and over bands.
 The terms are fitted by Whittle's likelihood (1953): as they are and, where they do not describe it, after low-passes
 of several shapes.
 """
@@ -51,7 +51,7 @@ def rolloff(values: _Array, rate: float) -> Filter | None:
     """Return the filter that a record at rest shows; None if it shows none or is too short.
 
     Args:
-        values: evenly spaced rate, shape (n,); NaN stands for a missing sample.
+        values: evenly spaced rate, shape (n,); NaN marks a missing sample.
         rate: samples per second.
     """
     from scipy.special import gammaincc  # noqa: PLC0415 - scipy is slow to import
@@ -86,7 +86,7 @@ def parts(values: _Array) -> _Array:
     """Return windowed parts of a record without straight lines, spread over it, those without a hole: (k, length).
 
     Args:
-        values: evenly spaced rate, shape (n,); NaN stands for a missing sample.
+        values: evenly spaced rate, shape (n,); NaN marks a missing sample.
     """
     length = min(_LONGEST, 1 << max(0, int(math.log2(max(1, values.size // _PER_RECORD)))))
     if length < _SHORTEST:

@@ -1,4 +1,4 @@
-"""The read-out by nearest slopes: a legacy method, offered only for comparison with tables that were made with it."""
+"""The read-out by nearest slopes: a legacy method, only for comparison with tables that were made with it."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ _READ = {
 
 @traced
 def nearest_slopes(curve: AllanCurve) -> Mapping[str, Figure]:
-    """Return what tangents to a deviation read at the averaging times of IEEE Std 952: legacy, and no measurement.
+    """Return the tangent read-out of a deviation at the averaging times of IEEE Std 952: legacy, not a measurement.
 
-    At the point whose slope to the next one is nearest to that of a term, a line of exactly this slope is laid through
+    At the point whose slope to the next one is nearest to that of a term, a line of exactly this slope is drawn through
     the deviation; it is read at sqrt(3) s (quantisation), 1 s (white noise), anywhere (flicker, over 0.664), 3 s
-    (random walk) and sqrt(2) s (ramp). Every term gets a number, also one that the record does not hold; none has an
-    uncertainty. A floor that white noise or random walk lift reads 20 to 30 % too high.
+    (random walk) and sqrt(2) s (ramp). Every term gets a number, even one that is not in the record; none has an
+    uncertainty. A floor raised by white noise or random walk reads 20 to 30 % too high.
 
     Args:
         curve: an Allan deviation, with two points above zero or more; with fewer, the numbers are NaN.

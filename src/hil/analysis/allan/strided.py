@@ -2,8 +2,8 @@
 
 Sums over 2 m samples are sums over m, added in pairs, so that no running sum of the record is needed. Beyond an
 averaging factor of STARTS the differences do not begin at each sample but at every m / STARTS-th: neighbours among them
-hold nearly the same samples, and leaving them out costs less than 1 % of the degrees of freedom. What lies beside the
-data in memory is a sixteenth of them.
+hold nearly the same samples, and leaving them out costs less than 1 % of the degrees of freedom. The extra memory is a
+sixteenth of the data.
 """
 
 from __future__ import annotations
@@ -160,7 +160,7 @@ def _fine() -> _Kernel:
 
 @cache
 def compiled() -> _Kernel | None:
-    """Return what does the first octaves where `hil[fast]` is installed and its compiler works, else None."""
+    """Return the function for the first octaves if `hil[fast]` is installed and its compiler works, else None."""
     try:
         numba = importlib.import_module("numba")
         options = {"nogil": True, "fastmath": {"reassoc", "contract"}}

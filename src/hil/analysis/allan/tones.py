@@ -51,7 +51,7 @@ def tones(values: _Array, rate: float) -> tuple[Tone, ...]:
     """Return the lines of a record at rest; none if it is too short.
 
     Args:
-        values: evenly spaced rate, shape (n,); NaN stands for a missing sample.
+        values: evenly spaced rate, shape (n,); NaN marks a missing sample.
         rate: samples per second.
     """
     from scipy.special import gammaincc  # noqa: PLC0415 - scipy is slow to import

@@ -1,7 +1,7 @@
-"""How well a battery tester knows what it reports: standard uncertainties of the numbers of a cycle.
+"""The accuracy of a battery tester: standard uncertainties of the numbers of a cycle.
 
-The tester's meters are taken to be off by the same amount all the time (their certificate does not say what part of it
-changes), and its clock by the drift that was found. Sources: JCGM 100:2008 (GUM), 4.3.7 and 5.1.2.
+The errors of the tester's meters are taken as constant (their certificate does not say what part of them varies), and
+that of its clock as the measured drift. Sources: JCGM 100:2008 (GUM), 4.3.7 and 5.1.2.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ __all__ = ["Certainty"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Certainty:
-    """Standard uncertainties of one tester, None if its certificate or its firmware does not tell.
+    """Standard uncertainties of one tester, None if neither its certificate nor its firmware gives them.
 
     Attributes:
         interval: from line to line [s].
@@ -44,7 +44,7 @@ class Certainty:
     @property
     @traced
     def clock(self) -> float | None:
-        """Of its clock, as a ratio: what it is off, and how well that is known."""
+        """Of its clock, as a ratio: its error, and the uncertainty of that."""
         return None if self.drift is None else math.hypot(self.drift, self.drift_uncertainty or 0.0)
 
     @traced

@@ -1,4 +1,4 @@
-"""What an instrument's own counts tell of the moments at which the current was switched."""
+"""The moments at which the current was switched, from an instrument's own counts."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Net:
     Attributes:
         value: trapezoid of the samples, with the instrument's count where the current was switched.
         samples: trapezoid of the samples alone.
-        counted: the part of `value` that the count stands for.
+        counted: the part of `value` that comes from the count.
         edges: how many intervals that are.
         open: standard uncertainty that the samples alone leave in these intervals.
     """
@@ -57,8 +57,8 @@ def counted(data: Series, steps: Sequence[Step]) -> Counted:
     """Return what the instrument counted between the last sample of a rest and the first with current, or back.
 
     Samples alone do not tell when in such an interval the current was switched: anything from nothing to the larger
-    current held throughout may have flowed. A count within these bounds is taken; one outside (a counter that begins
-    again with each step, or that has another sign) is not.
+    current held throughout may have flowed. A count within these bounds is used; one outside (a counter that restarts
+    with each step, or has the opposite sign) is not.
 
     Args:
         data: the samples, with the instrument's own `charge` and `energy`.

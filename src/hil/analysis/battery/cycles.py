@@ -1,4 +1,4 @@
-"""Cycles of charge and discharge: efficiencies, rests, resistances, and how much the cell has been through."""
+"""Cycles of charge and discharge: efficiencies, rests, resistances, and the throughput of the cell."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Group:
     Attributes:
         number: of the source where it counts them, else from 1; numbered on where a new test starts again.
         steps: in order, at least one of them charge or discharge.
-        cut: whether the series begins or ends within it, or may lack a part of it, as far as that can be told.
+        cut: whether the series begins or ends within it, or may lack a part of it, as far as can be determined.
         end: index of the sample at which its time ends: the first of the next cycle, or the last of its stretch.
     """
 
@@ -50,8 +50,8 @@ class Group:
 def groups(data: Series, steps: Sequence[Step], limits: Limits) -> tuple[Group, ...]:
     """Return the steps of each cycle that has a charge or a discharge.
 
-    No cycle goes across stretches. Where a new test counts from the beginning again, its numbers continue after the
-    highest before them, so that no two cycles of different tests share one.
+    No cycle goes across stretches. Where a new test counts from 1 again, its numbers continue after the highest before
+    them, so that no two cycles of different tests share a number.
 
     Args:
         data: the samples.
@@ -200,7 +200,7 @@ class Cycle:
         start: s, of its first sample.
         duration: s to the first sample of the next cycle; to the last sample for the last cycle of a stretch.
         complete: whether it has charge and discharge, is not the part that a series or a stretch of it begins or
-            ends in, as far as that can be told, and has lost nothing to a gap across an edge.
+            ends in, as far as can be determined, and has lost nothing to a gap across an edge.
         charge: its charge; None if there is none.
         discharge: its discharge.
         coulombic_efficiency: charge out over charge in; NaN where one is missing.
@@ -225,7 +225,7 @@ class Cycle:
 def cycles(data: Series, limits: Limits | None = None, how: Segmentation | None = None) -> tuple[Cycle, ...]:
     """Return the cycles of a series.
 
-    Where the series numbers its cycles these numbers hold, numbered on where a new test starts again. Else a cycle
+    Where the series numbers its cycles these numbers apply, continued where a new test restarts them. Else a cycle
     begins with each step of the kind that came first in the test, charge or discharge, after one of the other kind.
 
     Args:
@@ -279,7 +279,7 @@ def comparable(made: Sequence[Cycle], limits: Limits, capacity: float | None) ->
     """Return the cycles whose numbers medians and fades are taken from: the complete ones.
 
     Of a log without any charge these are the discharges that reached the lower limit, if the capacity is known, and
-    gave at least half of it: no more can be told of whether they began with a full cell.
+    gave at least half of it: whether they began with a full cell cannot be determined.
 
     Args:
         made: the cycles.

@@ -1,4 +1,4 @@
-"""How a quantity changes over cycles: a slope with its interval, never the difference of two ends."""
+"""The change of a quantity over cycles: a slope with its interval, never the difference of two ends."""
 
 from __future__ import annotations
 

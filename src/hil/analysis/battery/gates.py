@@ -1,4 +1,4 @@
-"""Gates of a battery test: what its numbers must fulfil before anything is concluded from them."""
+"""Gates of a battery test: conditions on its numbers before anything is concluded from them."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _WIDE = 0.8  # V: no cell goes through these without most of its charge
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Declared:
-    """What is known of the cell and the test beforehand; None if it is not known.
+    """Prior knowledge of the cell and the test; None if unknown.
 
     Attributes:
         capacity: nominal, in Ah.
@@ -55,7 +55,7 @@ class Declared:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Told:
-    """Numbers of a test, computed from samples or read from somebody's table; NaN where they are missing.
+    """Numbers of a test, computed from samples or read from a published table; NaN where they are missing.
 
     Attributes:
         charge_in: Ah of a charge.
@@ -112,20 +112,20 @@ def told(made: Sequence[Cycle], whole: Sequence[Cycle] | None = None) -> Told:
 
 
 def judge(numbers: Told, declared: Declared) -> tuple[Gate, ...]:
-    """Return every gate with what it found; where a number or a fact is missing `ok` is None.
+    """Return every gate with its finding; where a number or a fact is missing `ok` is None.
 
     Args:
-        numbers: from `told`, or from a table that somebody wrote.
+        numbers: from `told`, or from a published table.
         declared: what they are held against.
     """
     return tuple(_gates(numbers, declared))
 
 
 def tripped(numbers: Told, declared: Declared) -> tuple[Gate, ...]:
-    """Return the gates that speak against the test.
+    """Return the gates that the test fails.
 
     Args:
-        numbers: from `told`, or from a table that somebody wrote.
+        numbers: from `told`, or from a published table.
         declared: what they are held against.
     """
     return tuple(gate for gate in judge(numbers, declared) if gate.ok is False)

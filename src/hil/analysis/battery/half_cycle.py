@@ -1,4 +1,4 @@
-"""What one charge or one discharge gives: capacity, energy, times, and temperatures."""
+"""The figures of one charge or one discharge: capacity, energy, times, and temperatures."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ __all__ = ["Flow", "HalfCycle", "Limits", "end_uncertainty", "first_fall", "firs
 def first_rise(time: NDArray[np.float64], value: NDArray[np.float64], level: float) -> float:
     """Return when a value first reaches a level from below.
 
-    The first crossing counts, also where noise takes the value back below the level. Between the two samples about it
-    the value is taken as a straight line. A value that begins at the level or above it has reached it at once.
+    The first crossing counts, even if noise takes the value back below the level. Between the two samples around it the
+    value is interpolated linearly. A value that begins at the level or above it has reached it at once.
 
     Args:
         time: in s, not falling, shape (n,).
@@ -45,7 +45,7 @@ def first_rise(time: NDArray[np.float64], value: NDArray[np.float64], level: flo
 def first_fall(time: NDArray[np.float64], value: NDArray[np.float64], level: float) -> float:
     """Return when a value, having been above a level, first reaches it from above; else as `first_rise`.
 
-    What lies before the first sample above the level is the way there and does not count. NaN where the value never was
+    Samples before the first one above the level do not count. NaN where the value never was
     above the level.
 
     Args:
@@ -96,7 +96,7 @@ class Flow:
         open_energy: likewise in Wh.
         lost: whether the interval is a gap across which the state changed, so that nothing is known of it.
         broken: whether it lies between two stretches, so that nothing is known of it either.
-        bridged: whether it is a gap within one state, where the straight line stands for what is missing.
+        bridged: whether it is a gap within one state, where a straight line replaces the missing samples.
     """
 
     charge: dict[StepKind, NDArray[np.float64]]
@@ -143,7 +143,7 @@ class HalfCycle:
         temperature_high: degC.
         temperature_mean: degC, over time.
         temperature_rise: highest less first, in K.
-        bridged_charge: Ah of `charge` that a straight line across gaps stands for.
+        bridged_charge: Ah of `charge` that come from straight lines across gaps.
         gaps: how many gaps lie within or at its ends.
     """
 

@@ -1,4 +1,4 @@
-"""Incremental capacity dQ/dV: where on the voltage axis a cell takes its charge."""
+"""Incremental capacity dQ/dV: the distribution of a cell's charge over voltage."""
 
 from __future__ import annotations
 

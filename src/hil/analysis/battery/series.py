@@ -31,7 +31,7 @@ class Series:
         current: in A, positive where it charges the cell.
         temperature: in degC, or None if it was not recorded.
         cycle: number of the cycle that each sample belongs to, or None if the source does not count them.
-        charge: net charge in Ah that the instrument itself had counted at each sample, None if it does not tell.
+        charge: net charge in Ah counted by the instrument itself at each sample, None if it reports none.
         energy: likewise net energy, in Wh.
         test: number of the test that each sample belongs to, None if there is one; tests follow on each other.
         stretch: number of the stretch of each sample, None if the series is one; between two stretches the time is
@@ -61,7 +61,7 @@ class Series:
 
 
 def can_be_warm(temperature: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return which temperatures in degC a cell can have; one that is not a number is none."""
+    """Return which temperatures in degC are plausible for a cell; one that is not a number is not."""
     return np.asarray((temperature >= _WARMTH[0]) & (temperature <= _WARMTH[1]))
 
 

@@ -72,7 +72,7 @@ def summarise(
     Args:
         data: the samples.
         limits: levels that the test is run between.
-        declared: what is known of the cell; its limits are those of `limits` where it has none.
+        declared: prior knowledge of the cell; limits that it lacks come from `limits`.
         how: how steps are distinguished.
         skip: complete cycles at the beginning that the fade leaves out.
         remaining: fraction of the beginning at which life ends.

@@ -25,7 +25,7 @@ _Array: TypeAlias = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CalibrationReport:
-    """A calibration, and what it was made from.
+    """A calibration, and its input.
 
     Attributes:
         calibration: the result.
@@ -57,15 +57,15 @@ def calibrate(
     """Fit bias, scale and alignment over temperature.
 
     Bias: readings at rest over temperature. Scale: one over the own gain of each axis (`readings.responses`), over
-    temperature. Both are polynomials of the degree that the evidence chooses (`fitting.fit`). Alignment: the inverse of
-    E, which has ones on its diagonal and else the mean over temperatures of scale(T) times gain, with a row for each
+    temperature. Both are polynomials of the degree that the evidence supports (`fitting.fit`). Alignment: the inverse
+    of E, which has ones on its diagonal and else the mean over temperatures of scale(T) times gain, with a row for each
     sensor axis and a column for each table axis; it needs all three table axes.
 
-    What readings share they do not show by their scatter. What some of them share (the Earth's rate within a mounting,
-    a bias that wanders) is part of the covariance with which the bias is fitted (`readings.Slow`); what all of
-    them share is added to what the fits state: to the constant of the bias, to the scale as a whole, and to every
-    element of E that is not on its diagonal. The bias is that at which the sensor starts (`Reading.at` 0), or has as
-    long after the readings.
+    The scatter of readings does not show their common errors. Errors that some of them share (the Earth's rate within a
+    mounting, a wandering bias) are part of the covariance with which the bias is fitted (`readings.Slow`); errors that
+    all of them share are added to the results of the fits: to the constant of the bias, to the scale as a whole, and to
+    every element of E that is not on its diagonal. The bias is that at which the sensor starts (`Reading.at` 0), or has
+    as long after the readings.
 
     Args:
         readings: at rest at two temperatures or more; turning, at two temperatures or more for each axis that turns.
@@ -76,7 +76,8 @@ def calibrate(
         mounting_uncertainty: standard uncertainty of the angle between a sensor's axis, as it is mounted, and the
             table's axis, towards each of the other axes, in rad.
         degree: of bias and scale, 1 to 3, where the temperatures of a scale are enough for it; None to choose.
-        margin: by how many kelvin the calibration may be used beyond the lowest and the highest temperature measured.
+        margin: margin in kelvin beyond the lowest and the highest measured temperature within which the calibration is
+            valid.
 
     Raises:
         Refused: too few readings, axes or units that differ, or what `readings.responses` and `fitting.fit` refuse.

@@ -104,7 +104,7 @@ ALIGNED: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 class CalibratedRate:
     """One axis: scale(T) · (measured - bias(T)).
 
-    The bias comes off before the scale, because it is fitted to readings as the sensor gives them.
+    The bias is subtracted before the scale is applied, because it is fitted to raw readings.
 
     Attributes:
         bias: reading at rest, in the unit of the readings.
@@ -185,7 +185,7 @@ class Calibration:
 
     @traced
     def as_it_is(self) -> Calibration:
-        """Return the same equations without uncertainty: to find by how much they are wrong."""
+        """Return the same equations without uncertainty: to determine their error."""
         axes = {
             name: CalibratedRate(bias=_exact(axis.bias), scale=_exact(axis.scale)) for name, axis in self.axes.items()
         }

@@ -1,4 +1,4 @@
-"""Weighted polynomials of temperature whose degree the evidence chooses."""
+"""Weighted polynomials of temperature with the degree that the evidence supports."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _REJECTED = 1e-3  # one this improbable rejects the degree where a higher one fi
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Candidate:
-    """How well one degree does.
+    """The quality of fit of one degree.
 
     Attributes:
         degree: of the polynomial.
@@ -50,7 +50,7 @@ class Candidate:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fit:
-    """A fitted polynomial and why it has its degree.
+    """A fitted polynomial and the reason for its degree.
 
     Attributes:
         polynomial: the result.
@@ -59,7 +59,7 @@ class Fit:
         residual: value minus polynomial, shape (n,).
         candidates: all degrees that the points allow.
         chosen: how the degree was chosen.
-        leverage: by how much each point decides what the polynomial is at it, 0 to 1, shape (n,).
+        leverage: influence of each point on the polynomial there, 0 to 1, shape (n,).
         deviation: residual over its own standard deviation, shape (n,), in the values' unit where uncertainties are
             unknown; NaN where a point alone decides.
         outliers: places of points that stand out by more than chance explains in one of a hundred tables.

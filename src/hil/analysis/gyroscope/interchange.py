@@ -1,4 +1,4 @@
-"""A calibration for others: canonical JSON and its fingerprint, and C for a flight computer."""
+"""Export of a calibration: canonical JSON and its fingerprint, and C for a flight computer."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ FORMAT = "hil/gyroscope-calibration/1"
 
 
 def printed(calibration: Calibration) -> Calibration:
-    """Return the calibration with its numbers as every export prints them: 9 significant digits."""
+    """Return the calibration with its numbers rounded as in every export: 9 significant digits."""
     axes = {
         name: CalibratedRate(bias=_rounded(axis.bias), scale=_rounded(axis.scale))
         for name, axis in calibration.axes.items()

@@ -1,4 +1,4 @@
-"""Readings of a gyroscope on a rotation table, and what pairs of opposite rates say of its scale and axes."""
+"""Readings of a gyroscope on a rotation table, and its scale and axes from pairs of opposite rates."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def reading(
     at: float = 0.0,
     mounting: str = "",
 ) -> Reading:
-    """Return a reading of which the true rates were measured, too.
+    """Return a reading whose true rates were measured as well.
 
     Args:
         temperature: in degC.
@@ -75,13 +75,13 @@ def reading(
 
 @traced
 def rippling(samples: ArrayLike, rate: float, turning: float) -> _Array:
-    """Return what of samples comes and goes once per turn of the table, with the mean zero, shape (n,).
+    """Return the part of samples that repeats once per turn of the table, with zero mean, shape (n,).
 
-    The table's own ripple is in its mean rate, as its encoder tells it: it is not noise of the mean. Without it the
+    The table's own ripple is in its mean rate, as measured by its encoder: it is not noise of the mean. Without it the
     samples keep their mean, and their scatter is the sensor's.
 
     Args:
-        samples: shape (n,), in a rate's unit; NaN stands for one that is missing.
+        samples: shape (n,), in a rate's unit; NaN marks a missing sample.
         rate: samples per second.
         turning: rate of the table in deg/s.
     """
@@ -98,7 +98,7 @@ def rippling(samples: ArrayLike, rate: float, turning: float) -> _Array:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Slow:
-    """What is slower than a reading, so that its scatter does not show it.
+    """Errors that are slower than a reading, so that its scatter does not show them.
 
     Attributes:
         earth: standard uncertainty of the Earth's rate about an axis, in the readings' unit.
@@ -144,7 +144,7 @@ class Response:
         low: lowest temperature of the readings, in degC.
         high: highest temperature of the readings, in degC.
         gains: change of each axis' reading per true rate, in unit 1; the biases cancel.
-        one_way: whether the table turned in one direction only, and readings at rest stand for the bias.
+        one_way: whether the table turned in one direction only, so that readings at rest give the bias.
     """
 
     axis: str
@@ -210,7 +210,7 @@ def _response(axis: str, group: list[Reading], resting: list[Reading], slow: Slo
 
 
 def implausible(found: Sequence[Response]) -> tuple[Gate, ...]:
-    """Ask every axis that turned whether its gain can be one: of its own rate, in the same unit, with the same sign.
+    """Check the gain of every axis that turned: to its own rate, in the same unit, with the same sign.
 
     A gain between 2/3 and 1.5 is one that a sensor may have. Another one is named where it is that of radians and
     degrees, or of a thousandth.

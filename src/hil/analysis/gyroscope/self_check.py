@@ -1,4 +1,4 @@
-"""Whether equations, as they are printed, give back the table that they came from."""
+"""Whether equations, as printed, reproduce the table that they came from."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _PRINTED = 1e-6  # of the largest value: what nine printed digits may change, wi
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rejection:
-    """An equation that does not give back its table.
+    """An equation that does not reproduce its table.
 
     Attributes:
         axis: the axis, or what else the equation is named.
@@ -46,7 +46,7 @@ class Rejection:
 def disagreements(
     equations: Mapping[str, Polynomial], table: Mapping[str, Sequence[tuple[float, float]]], tolerance: float
 ) -> tuple[Rejection, ...]:
-    """Return the equations that miss their own table by more than a tolerance, by axis.
+    """Return the equations that deviate from their own table by more than a tolerance, by axis.
 
     Args:
         equations: by axis; their range is not read.
@@ -65,7 +65,7 @@ def reproduction(exported: Calibration, report: CalibrationReport) -> str:
 
 @traced
 def export_disagreements(exported: Calibration, report: CalibrationReport) -> tuple[Rejection, ...]:
-    """Return where a calibration, as it was exported and read back, misses the tables that it was fitted to.
+    """Return where a calibration, as exported and read back, deviates from the tables that it was fitted to.
 
     The tolerance is the largest residual of the fit itself, and a millionth of the largest value for the digits.
     """

@@ -1,4 +1,4 @@
-"""Calibration on a rotation table in coils: fields of known size and direction, and what known attitudes add."""
+"""Calibration on a rotation table in coils: known fields, and the benefit of known attitudes."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _TURN = {"z": (0, 1, 2), "x": (1, 2, 0), "y": (2, 0, 1)}
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Orientation:
-    """How the axes of a calibrated sensor stand to those of the board.
+    """The orientation of a calibrated sensor's axes relative to those of the board.
 
     Attributes:
         matrix: (3, 3), orthogonal: calibrated = matrix · true.
@@ -53,7 +53,7 @@ class Orientation:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Remaining:
-    """By how much calibrated readings are off that did not go into the fit.
+    """The errors of calibrated readings that were not used in the fit.
 
     Attributes:
         magnitude: the largest error of the magnitude, with its sign, in the unit of the field.
@@ -74,7 +74,7 @@ class Remaining:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CoilSurvey:
-    """What a reference at rest saw: along the table's 0 deg, along its 90 deg, and up, in uT.
+    """The field at a reference at rest: along the table's 0 deg, along its 90 deg, and up, in uT.
 
     Attributes:
         ambient: (3,), without what the coils add.
@@ -106,7 +106,7 @@ def coil_survey(
     times: ArrayLike,
     currents: Sequence[Figure],
 ) -> CoilSurvey:
-    """Return ambient field and what coils add per ampere, from recordings of both directions and without current.
+    """Return ambient field and coil field per ampere, from recordings with both current directions and without current.
 
     The ambient field is the mean of all three: what both directions add is as large, and noise is less than without
     current alone.
@@ -200,7 +200,7 @@ def orientation(calibrated: ArrayLike, true: ArrayLike, *, attitude: float = 0.0
 def remaining_errors(
     calibration: Calibration, readings: ArrayLike, true: ArrayLike, *, field: float, attitude: float
 ) -> Remaining:
-    """Return by how much readings (n, 3) in known fields (n, 3) are off, calibrated and not.
+    """Return the errors of readings (n, 3) in known fields (n, 3), calibrated and not.
 
     Args:
         calibration: as exported and read back.
@@ -234,7 +234,7 @@ def remaining_errors(
 
 @traced
 def positive_factor(matrix: ArrayLike, bias: ArrayLike) -> tuple[Array, Array]:
-    """Return what magnitudes show of the model field = M · reading - b, M (3, 3): the factor P of M = U P, and U'b.
+    """Return the observable part of the model field = M · reading - b, M (3, 3): the factor P of M = U P, and U'b.
 
     U is a rotation or a reflection, which no magnitude shows; P is symmetric and positive definite.
 
@@ -253,7 +253,7 @@ def positive_factor(matrix: ArrayLike, bias: ArrayLike) -> tuple[Array, Array]:
 def set_apart(
     calibration: Calibration, matrix: ArrayLike, bias: ArrayLike, *, relative: float
 ) -> tuple[Figure, Figure]:
-    """Return by how much a calibration misses what was put in: the bias, and the matrix.
+    """Return the errors of a calibration relative to its input: the bias, and the matrix.
 
     The bias as a share of the field, in whichever direction it is worst: |G (b - b0)| / F. The matrix as the largest
     element of G - G0 along the axes of G0, each over the root of the two eigenvalues that it belongs to; G0 has the

@@ -1,4 +1,4 @@
-"""From readings of a magnetometer in many attitudes to its calibration, and to what speaks against it."""
+"""From readings of a magnetometer in many attitudes to its calibration, with its gates."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ _ALL_OVER = _spiral(40)
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MagnetometerReport:
-    """A calibration, and how well the readings show it.
+    """A calibration, and its quality as shown by the readings.
 
     Attributes:
         calibration: the result; its figures say NOT_OBSERVABLE where a gate of observability trips.
@@ -112,8 +112,8 @@ def calibrate_magnetometer(
     Without a known magnitude the matrix has determinant 1, and the expected field is a result. `auto` takes the shape
     of the least n ln(sum of squares / n) + k ln n (Bayesian information criterion), k parameters.
 
-    Outliers: the first estimate comes from the three quarters of the readings that fit best. Left out are readings
-    whose residual is so far off, in standard deviations of those kept, that chance makes one in one of a hundred
+    Outliers: the first estimate comes from the three quarters of the readings that fit best. Readings are left out if
+    their residual is so large, in standard deviations of those kept, that chance produces one in one of a hundred
     recordings.
 
     The covariance is that of noise of one variance along each axis, independent from reading to reading:
@@ -124,7 +124,7 @@ def calibrate_magnetometer(
     With the temperature of the sensor at each reading the bias may follow it in a straight line (see `warmth`).
 
     Gates: `ellipsoid`, `converged`, `coverage`, `condition` and `bias` (its uncertainty) make the figures
-    NOT_OBSERVABLE; `scatter`, `noise` and `outliers` speak against the recording.
+    NOT_OBSERVABLE; `scatter`, `noise` and `outliers` count against the recording.
 
     Args:
         readings: shape (n, 3), in `unit`, all finite.

@@ -33,7 +33,7 @@ _ROUNDING = 1e-12  # of a value: what is certain by construction is not known an
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Warmth:
-    """The temperatures of a calibration's readings, and how its bias follows them.
+    """The temperatures of a calibration's readings, and the dependence of its bias on them.
 
     Attributes:
         reference: the temperature in degC at which the bias is stated.

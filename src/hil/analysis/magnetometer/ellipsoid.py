@@ -22,7 +22,7 @@ def fit(readings: Array, shape: str) -> Estimate:
     The quadric w'Qw + p'w + c = 0 through the readings, its coefficients of unit length in the Frobenius norm, is the
     eigenvector of the smallest eigenvalue of the sum of squared rows. Before, readings are moved to their mean and
     brought to unit spread (together for a sphere, for each axis, or by their covariance), so that neither units, nor a
-    rotation, nor a large bias count. A quadric that is no ellipsoid makes the gain NaN.
+    rotation, nor a large bias count. A quadric other than an ellipsoid gives a gain of NaN.
 
     Args:
         readings: shape (n, 3), in any unit.

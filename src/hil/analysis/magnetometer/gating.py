@@ -1,4 +1,4 @@
-"""What is asked of a calibration before anybody uses it."""
+"""The gates of a calibration before it is used."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def _gate(name: str, ok: bool, told: str, wrong: str, samples: tuple[int, ...] =
 
 
 def shown(direction: Array, condition: float, estimate: Estimate) -> tuple[Gate, ...]:
-    """Ask whether the readings show bias and matrix: an ellipsoid, a fit at rest, the sphere, and every parameter."""
+    """Check whether the readings show bias and matrix: ellipsoid, convergence, coverage, and every parameter."""
     return (
         Gate(name="ellipsoid", channel="", ok=True, reason="the readings lie on an ellipsoid"),
         _gate("converged", estimate.converged, f"the fit took {estimate.iterations} steps", "it did not converge"),
@@ -56,7 +56,7 @@ def _covered(direction: Array) -> Gate:
 
 
 def certain(covariance: Array | None, field: float) -> Gate:
-    """Ask for the least certain direction of the bias, against the field in the sensor's unit."""
+    """Check the least certain direction of the bias against the field in the sensor's unit."""
     known = covariance is not None and bool(np.isfinite(covariance).all())
     largest = math.sqrt(max(0.0, float(np.linalg.eigvalsh(covariance[:3, :3])[-1]))) if known else math.inf  # type: ignore[index]
     return _gate(
@@ -68,7 +68,7 @@ def certain(covariance: Array | None, field: float) -> Gate:
 
 
 def scatter(residual: Array, field: float, *, known: bool) -> Gate:
-    """Ask whether residuals can be noise of a sensor."""
+    """Check whether the residuals can be sensor noise."""
     rms = math.sqrt(float(np.square(residual).mean())) / field
     cause = "the known magnitude is not that of these readings" if known else "the magnitude is not constant"
     return _gate(
@@ -80,7 +80,7 @@ def scatter(residual: Array, field: float, *, known: bool) -> Gate:
 
 
 def outlying(outliers: tuple[int, ...], count: int) -> Gate:
-    """Ask whether few readings were left out."""
+    """Check whether only few readings were left out."""
     return _gate(
         "outliers",
         len(outliers) <= _REJECTED * count,
@@ -91,7 +91,7 @@ def outlying(outliers: tuple[int, ...], count: int) -> Gate:
 
 
 def noisy(found: float, stated: float, dof: float) -> Gate:
-    """Ask whether the residuals are as small as the noise that was stated."""
+    """Check whether the residuals are as small as the stated noise."""
     most = _LOUDER * (1.0 + _DEVIATIONS / math.sqrt(2.0 * dof))
     return _gate(
         "noise",

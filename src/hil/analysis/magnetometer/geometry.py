@@ -1,4 +1,4 @@
-"""What all fits share: field = gain · (reading - bias) with a symmetric gain, linearised about an estimate.
+"""Common to all fits: field = gain · (reading - bias) with a symmetric gain, linearised about an estimate.
 
 Notation: x is a reading, b the bias, G the gain, y = G (x - b) the calibrated field, F its known magnitude,
 u = y / |y| its direction, and r = |y| - F the residual.

@@ -1,4 +1,4 @@
-"""A magnetometer's calibration for others: JSON with a fingerprint, C for a flight computer, and its self-check."""
+"""Export of a magnetometer's calibration: JSON with a fingerprint, C for a flight computer, and its self-check."""
 
 from __future__ import annotations
 
@@ -221,7 +221,7 @@ def sample_disagreement(
     field: ArrayLike | None = None,
     temperature: ArrayLike | None = None,
 ) -> str:
-    """Return how a calibration, as exported and read back, misses the readings that it was made from; empty if not.
+    """Return how an exported calibration deviates from the readings that it was made from; empty if it does not.
 
     It has to give every reading the residual of the report, within a millionth of the field.
 

@@ -3,7 +3,7 @@
 Readings have independent noise of one variance along each axis of the sensor. A reading x of a field F then is as
 far from its ellipsoid |G (x - b)| = F as r / |G u| to first order, and the likelihood of all is largest where the
 weighted sum of these squares is stationary. The magnitude of a noisy vector is on average too large by the curvature
-of the sphere (`Linearised.curvature`); this is taken off.
+of the sphere (`Linearised.curvature`); this is corrected for.
 
 Source: the likelihood of M. Kok and T. B. Schön, Magnetometer Calibration Using Inertial Sensors, IEEE Sensors Journal
 16 (2016) 5679, section IV, without the inertial sensors; distances as of P. D. Sampson, Computer Graphics and Image

@@ -1,4 +1,4 @@
-"""Residuals of neighbouring readings that are alike: a fit is less certain than one of as many independent readings."""
+"""Correlated residuals of neighbouring readings: a fit is less certain than one of as many independent readings."""
 
 from __future__ import annotations
 

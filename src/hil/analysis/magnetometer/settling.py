@@ -1,4 +1,4 @@
-"""A fit that outliers do not decide, by any method and of any shape."""
+"""A fit that is robust against outliers, by any method and of any shape."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def _scaled(given: Given, estimate: Estimate) -> Array:
 
 
 def started(given: Given) -> Estimate:
-    """Return a first estimate from some of the readings, that outliers do not reach: the best of some."""
+    """Return a first estimate from a subset of the readings without outliers: the best of several."""
     part = given.part(slice(None, None, max(1, len(given.field) // _LOOKED_AT)))
     starts = [_trimmed(part, lambda some: _by_ellipsoid(some, "general"))]
     if part.varies:
@@ -171,7 +171,7 @@ def _by_twostep(given: Given, start: Estimate) -> Estimate:
 
 
 def chosen(given: Given, general: Estimate) -> Shape:
-    """Return the shape for which the evidence is best.
+    """Return the shape with the best evidence.
 
     The sum of squares of a simpler shape is that of the general one and the least that its quadratic approximation adds
     where the gain is held to the shape and the bias is free.

@@ -1,4 +1,4 @@
-"""The bias of a magnetometer over temperature: a straight line beside the fit, or a tag where it shows none."""
+"""The bias of a magnetometer over temperature: a straight line in addition to the fit, or a tag where it shows none."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _LOW, _HIGH = -100.0, 200.0  # degC
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Drift:
-    """What the temperatures of the readings show.
+    """The results from the temperatures of the readings.
 
     Attributes:
         slope: (3,), change of the bias per K; zero where none was fitted.
@@ -54,7 +54,7 @@ class Drift:
         return replace(about, jacobian=_with_slopes(about, self.warmer[self.kept]))
 
     def told(self, covariance: Array | None) -> Warmth | None:
-        """Return what the calibration says of temperatures, with the covariance (3, 3) of the slopes."""
+        """Return the temperature data of the calibration, with the covariance (3, 3) of the slopes."""
         if self.warmer is None:
             return None
         inside = self.reference + self.warmer[self.kept]
@@ -89,7 +89,7 @@ def checked(temperature: ArrayLike, count: int) -> Array:
 def fitted(
     given: Given, degrees: Array, kept: NDArray[np.bool_], estimate: Estimate, how: tuple[Method, Shape]
 ) -> Drift:
-    """Return the slope of the bias over temperature, and the fit to readings that are freed of it.
+    """Return the slope of the bias over temperature, and the fit to readings corrected for it.
 
     The slope enters every residual as the bias does, times the temperature above the mean of the readings: each pass
     solves for its change together with bias and gain, and fits these again by their own method. It has converged

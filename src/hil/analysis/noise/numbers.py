@@ -1,4 +1,4 @@
-"""The one place that draws random numbers: by index, so that reading in other pieces cannot change them."""
+"""The one place that draws random numbers: by index, so that reading them in different pieces cannot change them."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ BLOCK = 16384
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NoiseLevels:
-    """What an axis has of each noise, in the words and letters of IEEE Std 952-1997.
+    """The noise levels of an axis, in the terms and letters of IEEE Std 952-1997.
 
     Attributes:
         white: angle random walk N [unit/sqrt(Hz)].
@@ -37,7 +37,7 @@ class NoiseLevels:
 
 
 class RateNoise:
-    """Samples 0, 1, 2… of one axis. What a sample is depends on the streams and its index only.
+    """Samples 0, 1, 2… of one axis. A sample depends on the streams and its index only.
 
     Blocks are made in their order, and the present one is kept: asking goes forwards, or back within a block.
 

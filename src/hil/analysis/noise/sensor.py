@@ -21,7 +21,7 @@ _PURPOSES = ("white", "flicker", "random walk", "quantisation", "jitter", "lost"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorModel:
-    """What one axis of a sensor is; `unit` is that of its numbers.
+    """The properties of one axis of a sensor; `unit` is that of its numbers.
 
     Attributes:
         levels: of its noise.
@@ -63,7 +63,7 @@ class SensorSamples(NamedTuple):
 
 
 class SimulatedSensor:
-    """A sensor that gives its samples in pieces. What a sample is depends on seed and index only, not on the pieces.
+    """A sensor that delivers its samples in pieces. A sample depends on seed and index only, not on the pieces.
 
     Args:
         model: what it is.

@@ -1,4 +1,4 @@
-"""From readings of a photodiode over temperature, loads and light to its calibration, and to what speaks against it."""
+"""From readings of a photodiode over temperature, loads and light to its calibration, with its gates."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _NUDGES = (1e-4, 1e-6, 1e-4, 1e-4, 1e-4, 1e-9)  # of ln P, a, ln I_s0, n, E_g an
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PhotodiodeReport:
-    """A calibration, and how well the readings show it.
+    """A calibration, and its quality as shown by the readings.
 
     Attributes:
         diode: the calibration.
@@ -109,16 +109,16 @@ def calibrate_photodiode(
 ) -> PhotodiodeReport:
     """Fit photocurrent, its temperature coefficient, saturation current, ideality factor and gap; equations in `diode`.
 
-    Least squares of the voltages by Gauss-Newton steps with halving and the analytic Jacobian J; the gap that is known
-    beforehand is one more reading, with its own uncertainty. Covariance
-    s^2 tau (J'J)^-1 + sum (K d_j)(K d_j)' u_j^2 with K = (J'J)^-1 J', tau the correlation time of the residuals in
-    samples, d_j what an error of `known` changes in the readings, and u_j its standard uncertainty (GUM, 5.1 and
-    H.3). Shunt and series resistance are asked for by one step of a fit that has them too: a shunt that is four
-    standard uncertainties above zero is fitted; otherwise both are bounds at 95 %, and `series` stays what it is.
+    Least squares of the voltages by Gauss-Newton steps with halving and the analytic Jacobian J; the known gap is an
+    additional observation, with its own uncertainty. Covariance s^2 tau (J'J)^-1 + sum (K d_j)(K d_j)' u_j^2 with K =
+    (J'J)^-1 J', tau the correlation time of the residuals in samples, d_j the effect of an error of `known` on the
+    readings, and u_j its standard uncertainty (GUM, 5.1 and H.3). Shunt and series resistance are asked for by one step
+    of a fit that has them too: a shunt that is four standard uncertainties above zero is fitted; otherwise both are
+    bounds at 95 %, and `series` stays what it is.
 
-    One load in constant light shows neither I_s0 nor n: with I_d constant, equation 4 makes dV/dT =
-    (V - E_g - 3 k T/q)/T, whatever n is. It takes a second and a third load, or other light. Loads at one temperature
-    do not tell a from E_g: 0.01 eV are 0.07 %/K. A small load at two temperatures does.
+    One load in constant light shows neither I_s0 nor n: with I_d constant, equation 4 makes dV/dT = (V - E_g - 3 k
+    T/q)/T, whatever n is. It takes a second and a third load, or a different light level. Loads at one temperature do
+    not separate a from E_g: 0.01 eV is equivalent to 0.07 %/K. A small load at two temperatures does.
 
     Gates: `finite`, `stuck`, `celsius`, `saturated`, `forward`, `lit`, `span`, `converged`, `plausible` and
     `identified` make the figures NOT_OBSERVABLE; `steady`, `scatter` and `hysteresis` make them MODEL_REJECTED.

@@ -1,4 +1,4 @@
-"""Least squares of a photodiode's readings: where the steps begin, the steps, and the covariance of what they reach."""
+"""Least squares of a photodiode's readings: the starting point, the steps, and the covariance of the result."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ def moved(diode: Diode, step: Array) -> Diode:
 
 
 class Fit:
-    """A settled fit: its covariance, and what one more step says of shunt and series resistance."""
+    """A converged fit: its covariance, and shunt and series resistance from one more step."""
 
     def __init__(self, given: Readings, diode: Diode, known: Known, *, shunted: bool = False) -> None:
         self.given, self.diode, self.shunted = given, diode, shunted

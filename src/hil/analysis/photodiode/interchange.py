@@ -1,4 +1,4 @@
-"""A photodiode's calibration for others: JSON with a fingerprint, C for a flight computer, and its self-check."""
+"""Export of a photodiode's calibration: JSON with a fingerprint, C for a flight computer, and its self-check."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Readings of a photodiode, and what is asked of them."""
+"""Readings of a photodiode, and their gates."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _WIDTH, _MOVING = 21, 0.05  # readings over which a temperature is averaged; sha
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Known:
-    """What is known of a photodiode and its readings beforehand.
+    """Prior knowledge of a photodiode and its readings.
 
     The uncertainties are standard ones that all readings share, taken as exact (GUM 4.3); the fit carries them through.
 
@@ -71,7 +71,7 @@ class Readings:
         return Readings(voltage=volts, temperature=degrees, load=ohms, light=light, fitted=which[which])
 
     def gates(self, full_scale: float, gap: float) -> tuple[Gate, ...]:
-        """Return what is asked before anything is computed; full scale in V, gap in eV."""
+        """Return the gates that come before any computation; full scale in V, gap in eV."""
         whole = [finite(name, getattr(self, name)) for name in ("voltage", "temperature", "light")]
         if not all(gate.ok for gate in whole):
             return tuple(whole)
@@ -155,6 +155,6 @@ def checked(
 
 
 def asked(name: str, ok: bool, told: str, wrong: str, places: NDArray[np.intp] | None = None) -> Gate:
-    """Return a gate: what was found, and what to do where that is not well; the places are counted from 0."""
+    """Return a gate: its finding, and what to do if it trips; the places are counted from 0."""
     samples = () if places is None else numbers(places)
     return Gate(name=name, channel="", ok=bool(ok), reason=told if ok else f"{told}; {wrong}", samples=samples)

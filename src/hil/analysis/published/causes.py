@@ -1,4 +1,4 @@
-"""What would explain that a published cell does not follow: slips that people make with tables."""
+"""Possible explanations for a published cell that does not follow: common slips with tables."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class Asked:
 def causes(
     cell: Asked, published: PrintedTable, asked: Sequence[Asked], others: Sequence[PrintedTable]
 ) -> Iterator[str]:
-    """Give what would explain a cell that does not follow, likeliest first, four at most.
+    """Yield possible explanations for a cell that does not follow, likeliest first, four at most.
 
     Args:
         cell: which does not follow.

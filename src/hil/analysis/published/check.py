@@ -15,7 +15,7 @@ __all__ = ["CellVerdict", "CheckedCell", "check"]
 
 
 class CellVerdict(StrEnum):
-    """What is said of a published cell."""
+    """The finding for a published cell."""
 
     FOLLOWS = "follows"
     DOES_NOT_FOLLOW = "does not follow"
@@ -30,7 +30,7 @@ class CheckedCell:
     Attributes:
         row: of the published table.
         column: of the published table.
-        printed: what stands there.
+        printed: the printed text.
         verdict: whether it follows.
         low: the least value that the formula has while each source is within its rounding; None where it is unknown.
         high: likewise the largest.
@@ -54,7 +54,7 @@ def check(
     tables: Mapping[str, PrintedTable],
     others: Sequence[PrintedTable] = (),
 ) -> tuple[CheckedCell, ...]:
-    """Recompute the cells of a published table, and say of each whether it follows.
+    """Recompute the cells of a published table, and determine for each whether it follows.
 
     A printed number stands for every number that rounds to it. A cell follows where one of those is among the values
     that the formula has while each source is anywhere within its own rounding. So a cell that does not follow cannot

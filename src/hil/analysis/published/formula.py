@@ -24,7 +24,7 @@ class FormulaError(ValueError):
     Args:
         column: where, from 1 on.
         message: what is wrong.
-        known: the names that may stand there; empty where it is not about a name.
+        known: the names allowed there; empty if it does not concern a name.
         word: the name that was found there.
     """
 
@@ -201,7 +201,7 @@ def parse(text: str, tables: Mapping[str, PrintedTable]) -> Formula:
         tables: by the names that it may use.
 
     Raises:
-        FormulaError: it is no formula, or names what is not there.
+        FormulaError: it is not a formula, or names something unknown.
     """
     if len(text) > _LONGEST:
         raise FormulaError(1, f"a formula has at most {_LONGEST} characters, found {len(text)}")

@@ -1,4 +1,4 @@
-"""Numbers as they are printed, which stand for every number that rounds to them, and tables of these."""
+"""Printed numbers, each of which stands for every number that rounds to it, and tables of these."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ _LONGEST = 40
 
 
 class NotANumber(ValueError):
-    """A cell holds something that is no number."""
+    """A cell holds something other than a number."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Printed:
-    """A number as it is printed.
+    """A printed number.
 
     Attributes:
-        text: as it stands there.
+        text: as printed.
         value: the number; a duration in seconds.
         half: half of the unit of its last digit: it stands for every number from value - half to value + half.
         digits: its significant digits, without sign, point and exponent.
@@ -69,7 +69,7 @@ def as_printed(text: str, digits: int | None = None) -> Printed:
             it was not rounded; None takes the digits that stand there.
 
     Raises:
-        NotANumber: the text is no number.
+        NotANumber: the text is not a number.
     """
     bare = text.strip().translate(_MINUS)
     if (clock := _CLOCK.fullmatch(bare)) and len(bare) <= _LONGEST:
@@ -92,13 +92,13 @@ def as_printed(text: str, digits: int | None = None) -> Printed:
 
 
 def begins_as_number(text: str) -> bool:
-    """Return whether a cell that is no number begins as one: `1.5 ± 0.1`, `1,500`, `< 3`, `12.5*`."""
+    """Return whether a cell that is not a number begins as one: `1.5 ± 0.1`, `1,500`, `< 3`, `12.5*`."""
     return _BEGINS.match(text.strip()) is not None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PrintedTable:
-    """A table as it is printed.
+    """A printed table.
 
     Attributes:
         name: what reports call it, such as `4.6`.

@@ -1,4 +1,4 @@
-"""Numbers that are known within two ends, and how fast a result follows each of them."""
+"""Numbers known within two bounds, and the sensitivity of a result to each of them."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def _sum(one: _Ends, other: _Ends) -> _Ends:
 class Range:
     """Every number from `low` to `high`, with its partial derivatives.
 
-    What arithmetic gives contains every result that the operands allow (interval arithmetic), and `slopes` contains
+    The result of arithmetic contains every result that the operands allow (interval arithmetic), and `slopes` contains
     every partial derivative with respect to each variable (automatic differentiation). Where none of them changes its
     sign, the result is monotone, and its ends are those at two corners: see `Formula.over`.
 
@@ -143,10 +143,10 @@ def _joined(one: Mapping[Hashable, _Ends], other: Mapping[Hashable, _Ends]) -> d
 
 
 def constant(value: float) -> Range:
-    """Return a number that is known exactly."""
+    """Return an exactly known number."""
     return Range(value, value)
 
 
 def variable(low: float, high: float, key: Hashable) -> Range:
-    """Return a variable between two ends, under the name by which slopes tell it."""
+    """Return a variable between two bounds, under its name in the slopes."""
     return Range(low, high, {key: (1.0, 1.0)})

@@ -1,4 +1,4 @@
-"""Current-voltage curves at other conditions than those of the measurement: IEC 60891:2021, procedures 1 and 2."""
+"""Correction of current-voltage curves to other conditions: IEC 60891:2021, procedures 1 and 2."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _TURNS = 5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IvConditions:
-    """What a curve is corrected to, and by which coefficients, all of them stated at these conditions.
+    """The target conditions of a curve's correction, and its coefficients, all of them stated at these conditions.
 
     Attributes:
         irradiance: [W/m^2].

@@ -48,7 +48,7 @@ class IvSweep:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IvCurve:
-    """What a sweep shows, at the stated conditions; resistance and conductance are those of the measurement.
+    """The figures of a sweep at the stated conditions; resistance and conductance are those of the measurement.
 
     Attributes:
         figures: by the names of `hil.analysis.solar.fits.UNITS`; NOT_OBSERVABLE where the sweep does not show it.
@@ -88,7 +88,7 @@ def iv_curve(sweep: IvSweep, conditions: IvConditions | None = None, facts: IvFa
     Args:
         sweep: its columns have one length.
         conditions: None for those of the sweep itself.
-        facts: what is known beforehand.
+        facts: prior knowledge.
 
     Raises:
         ValueError: fewer than two points are finite.
@@ -127,7 +127,7 @@ def iv_curve(sweep: IvSweep, conditions: IvConditions | None = None, facts: IvFa
 def curve_difference(first: IvCurve, second: IvCurve, name: str) -> Figure:
     """Return (second - first) / mean of one figure in `1`, of two sweeps with the same instruments.
 
-    What the sweeps share cancels, so that the uncertainty is that of their scatter.
+    Common errors of the sweeps cancel, so the uncertainty is that of their scatter.
     """
     one, other = first.scatter[name], second.scatter[name]
     mean = (one.value + other.value) / 2.0

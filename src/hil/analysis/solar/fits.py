@@ -47,7 +47,7 @@ _FEWEST_SHORT, _FEWEST_OPEN, _FEWEST_KNEE, _FEWEST_SIDE = 3, 5, 8, 2
 
 @dataclass(slots=True)
 class Estimates:
-    """Values in the order of `UNITS`, NaN where there are too few points, with what their scatter is worth.
+    """Values in the order of `UNITS`, NaN where there are too few points, with the uncertainty from their scatter.
 
     Attributes:
         values, variances, dofs: one number for each figure.

@@ -1,4 +1,4 @@
-"""Gates on a current-voltage curve: questions to a sweep before its figures are believed."""
+"""Gates on a current-voltage curve, applied before its figures are used."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _PARTS = 3  # of a sweep, whose means show drift where single readings show nois
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IvFacts:
-    """What is known of cell and lamp beforehand; None if it is not.
+    """Prior knowledge of cell and lamp; None if unknown.
 
     Attributes:
         current: short-circuit current of the data sheet [A].
@@ -50,7 +50,7 @@ def ask(
         shown: voltage and current as corrected.
         found: the figures.
         conditions: what was corrected to.
-        facts: what is known beforehand.
+        facts: prior knowledge.
     """
     voltage, current, light, warmth = measured
     yield _sign(voltage, current)

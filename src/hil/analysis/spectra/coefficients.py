@@ -65,7 +65,7 @@ class Bands:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SpectralNoise:
-    """What the spectrum of a record at rest says of a sensor's noise.
+    """A sensor's noise, as shown by the spectrum of a record at rest.
 
     Attributes:
         density: one-sided density of the white noise, as data sheets give it: sqrt(2) N, in unit/sqrt(Hz).
@@ -114,12 +114,12 @@ def psd(
 ) -> SpectralNoise:
     """Return spectrum, lines and noise coefficients of a sensor at rest, each with its uncertainty and status.
 
-    Model of the one-sided density, with s = 2 rate sin(pi f / rate), which is 2 pi f for low frequencies:
-    2 N^2 + B^2 / (pi f) + 2 K^2 / s^2 + 2 s^2 Q^2 / rate. It is fitted to means over bands by maximum likelihood, in
-    every subset of its terms. A term is kept where -2 ln(likelihood) falls by 9 or more for it. While the misfit has a
-    probability below 0.001 and the highest band lies below the fit to the others, the highest ones are left out, up to
-    a factor of 8 in frequency, and two bands more: a sensor's own filter bends the spectrum there, and quantisation
-    cannot be told from it. If that does not help, the model is granted an error of 3 %; what then still does not fit is
+    Model of the one-sided density, with s = 2 rate sin(pi f / rate), which is 2 pi f for low frequencies: 2 N^2 + B^2 /
+    (pi f) + 2 K^2 / s^2 + 2 s^2 Q^2 / rate. It is fitted to means over bands by maximum likelihood, in every subset of
+    its terms. A term is kept where -2 ln(likelihood) falls by 9 or more for it. While the misfit has a probability
+    below 0.001 and the highest band lies below the fit to the others, the highest ones are left out, up to a factor of
+    8 in frequency, and two bands more: a sensor's own filter bends the spectrum there, and quantisation cannot be
+    distinguished from it. If that does not help, the model is allowed an error of 3 %; if it still does not fit, it is
     rejected.
 
     A coefficient is MEASURED where its term is kept, no subset without it describes the bands as well, and its square
@@ -133,7 +133,7 @@ def psd(
         bandwidth: of the sensor's own filter, 3 dB down, in Hz; what lies above a quarter of it is not fitted.
         rotation: of a rate table, in Hz, of which harmonics are named.
         false_alarm: probability of one line or more in noise alone.
-        holes: whether NaN stands for a sample that is missing.
+        holes: whether NaN marks a missing sample.
 
     Raises:
         Refused: the data have no spectrum; see `spectrum`.
@@ -202,8 +202,8 @@ class Agreement:
 def agreement(spectral: SpectralNoise, allan: NoiseModel) -> Agreement:
     """Return the ratios of the coefficients of a spectrum to those of an Allan deviation of the same record.
 
-    Both see the same noise, so that their errors are alike; the uncertainty takes them as independent, which is too
-    large rather than too small. A wrong rate, a density taken for two-sided, or a line shows as a ratio off 1.
+    Both see the same noise, so their errors are correlated; the uncertainty treats them as independent, which is too
+    large rather than too small. A wrong rate, a density taken for two-sided, or a line shows as a ratio other than 1.
 
     Args:
         spectral: from `psd`.

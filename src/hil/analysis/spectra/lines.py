@@ -1,4 +1,4 @@
-"""Spectral lines: what stands out of the noise by more than chance, how strong it is, and what it may come from."""
+"""Spectral lines: peaks above the noise by more than chance, their strength, and their possible origin."""
 
 from __future__ import annotations
 
@@ -76,8 +76,8 @@ def find(spectrum: Spectrum, *, false_alarm: float = 0.01, rotation: float | Non
 
     The noise around a point is the median of up to 64 points on either side, as many on one as on the other, so that a
     slope does not matter. Density over noise is F-distributed; a peak is a line where noise would make one as high
-    anywhere in the spectrum with a probability of `false_alarm` at most (Bonferroni). Its power is what stands above
-    the noise over the points that belong to it; its frequency is the top of a parabola through three logarithms.
+    anywhere in the spectrum with a probability of `false_alarm` at most (Bonferroni). Its power is the excess above the
+    noise over its points; its frequency is the vertex of a parabola through three logarithms.
 
     Args:
         spectrum: with at least 16 points.

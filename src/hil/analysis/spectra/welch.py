@@ -46,14 +46,14 @@ _TOGETHER, _LONG = 4, 1 << 17  # segments that the processor transforms in one g
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Welch:
-    """How a spectrum is taken.
+    """The settings of a spectrum.
 
     Attributes:
         segment: samples of a segment, at least 4; by default the largest power of two within an eighth of the record,
             less where segments of that length have holes.
         window: a key of WINDOWS.
         overlap: of neighbouring segments, from 0 to below 1.
-        detrend: what is taken off each segment: none, constant (its mean) or linear.
+        detrend: what is removed from each segment: none, constant (its mean) or linear.
         confidence: of the intervals, between 0 and 1.
     """
 
@@ -90,7 +90,7 @@ class Spectrum:
         step: samples from the start of one segment to that of the next.
         segments: how many were averaged; those that miss more than MOST_MISSING of their samples were left out.
         window: name of the window, a key of WINDOWS.
-        detrend: what was taken off each segment.
+        detrend: what was removed from each segment.
         bandwidth: equivalent noise bandwidth of a point, in Hz.
         confidence: probability that an interval holds the true density.
         frequency: in Hz.
@@ -124,18 +124,18 @@ def spectrum(data: ArrayLike, rate: float, *, unit: str = "1", how: Welch = _USU
 
     With the window w, the density at f is the mean over the segments of 2 |sum w x exp(-2 pi i f t)|^2 / (rate sum
     w^2), at zero and at half of the rate once that. Its effective degrees of freedom are 2 K / (1 + 2 sum (1 - j / K)
-    rho_j) for K segments, rho_j the square of the window's correlation with itself j steps on (Welch 1967), half of
+    rho_j) for K segments, rho_j the square of the window's autocorrelation at a shift of j steps (Welch 1967), half of
     that at both ends.
 
-    A missing sample counts as the mean of its segment, and the segment's window as what is left of it: white noise
-    keeps its level.
+    A missing sample is replaced by the mean of its segment, and the segment's window is reduced accordingly: white
+    noise keeps its level.
 
     Args:
         data: shape (n,), in `unit`.
         rate: samples per second.
         unit: unit of the data.
         how: segments, window, overlap, detrending and confidence.
-        holes: whether NaN stands for a sample that is missing.
+        holes: whether NaN marks a missing sample.
 
     Raises:
         Refused: segment or rate are not possible, the data are not finite or too short, or every segment has holes.
