@@ -65,6 +65,18 @@ def test_nothing_is_overwritten(capsys, tmp_path):
     assert content(tmp_path) == before
 
 
+@pytest.mark.parametrize(
+    ("ignored", "told"),
+    [("build/\n", True), ("# reports/\nmy-reports/\n", True), ("build/\nreports/\n", False), ("/reports/*\n", False)],
+)
+def test_a_gitignore_that_keeps_packages_in_git_is_told(capsys, tmp_path, monkeypatch, ignored, told):
+    """A run whose reports are tracked differs from its commit, and closes nothing."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / ".gitignore").write_text(ignored)
+    code, out, _ = said(capsys, "init")
+    assert (code, "  echo reports/ >> .gitignore" in out.splitlines()) == (0, told)
+
+
 def test_a_workspace_in_a_project_file_is_one_already(capsys, tmp_path):
     """A hil.toml beside it would hide its settings."""
     (tmp_path / "pyproject.toml").write_text("[tool.hil]\n")

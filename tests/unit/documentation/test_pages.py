@@ -37,6 +37,15 @@ def test_links_lead_somewhere(page):
         assert not anchor or anchor in anchors(found), f"{target} has no such heading"
 
 
+@pytest.mark.parametrize(
+    "page", [page for page in PAGES if "git add -A" in page.read_text(encoding="utf-8")], ids=shown
+)
+def test_a_commit_of_everything_leaves_packages_out(page):
+    """A page that has its reader commit a whole folder has packages ignored first: they change with every run."""
+    before, _, _ = page.read_text(encoding="utf-8").partition("git add -A")
+    assert "`.gitignore`:\n\n```text\nreports/\n" in before
+
+
 def test_every_page_is_on_the_map():
     """The map names every page but itself; decision records have a test of their own."""
     map_ = (DOCS / "README.md").read_text(encoding="utf-8")

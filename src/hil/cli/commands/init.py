@@ -59,6 +59,8 @@ def command(folder: Path) -> None:
     click.echo("next:")
     if root != Path.cwd():
         click.echo(f"  cd {shlex.quote(str(folder))}")
+    if ".gitignore" in kept and not _leaves_packages_out(root / ".gitignore"):
+        click.echo("  echo reports/ >> .gitignore")
     click.echo("  hil run load --bench load --source simulated --dut SIM-LOAD-1")
 
 
@@ -89,6 +91,15 @@ def _write(path: Path, source: str) -> bool:
     except FileExistsError:
         return False
     return True
+
+
+def _leaves_packages_out(ignored: Path) -> bool:
+    """Return whether a .gitignore names the folder of packages: tracked, it would change with every run."""
+    try:
+        lines = ignored.read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:
+        return False
+    return any(line.strip().removeprefix("/").rstrip("/*") == "reports" for line in lines)
 
 
 def _lock(root: Path) -> None:
