@@ -1,4 +1,4 @@
-"""The clock of a bench that lives outside this process: boot time, which stands still between operations."""
+"""Clock of a bench outside this process: boot time, frozen between operations."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ from hil.clock.port import NANOSECONDS, ClockError
 __all__ = ["LiveClock"]
 
 _SLICE_NS = 100_000_000
-"""How long a wait lasts at most before it looks up."""
+"""Longest slice of a wait between pulses in ns."""
 
 
 class LiveClock:
-    """Bench time that follows boot time, but moves on only where somebody looks, and where a wait ends.
+    """Bench time that follows boot time, but advances only at `look` and at the end of a wait.
 
-    All that a run learns of time then comes from its waits, which end at the instant they were for, and from its port
-    operations, whose ends are in the transcript. So its record contains all that a replay has to know. See ADR 0037.
-    Until it begins nobody waits: a resumed run catches up with its past in no time.
+    A run then learns of time only from its waits, which end at their nominal instant, and from its port operations,
+    whose ends are in the transcript. So its record contains all that a replay needs. See ADR 0037. Until it begins,
+    waits return at once: a resumed run catches up with its past in no time.
 
     Args:
         epoch: UTC of the bench's time zero, ISO 8601.
-        speed: seconds of the bench in one second of boot time; other than 1 for a served bench only.
-        real_ns: returns boot time.
-        pause: lets seconds of boot time pass, or less.
+        speed: bench seconds per second of boot time; other than 1 only for a served bench.
+        real_ns: returns boot time in ns.
+        pause: lets up to this many seconds of boot time pass.
 
     Attributes:
-        pulse: called wherever the clock is looked at, and about ten times a second while it waits.
+        pulse: called at every `look`, and about ten times a second during a wait.
     """
 
     def __init__(
@@ -54,7 +54,7 @@ class LiveClock:
         return self._began_ns is not None
 
     def begin(self) -> None:
-        """Follow boot time from here on."""
+        """Start to follow boot time."""
         self._start_ns, self._began_ns = self._now_ns, self._real_ns()
 
     def now_ns(self) -> int:
@@ -62,11 +62,11 @@ class LiveClock:
         return self._now_ns
 
     def now(self) -> float:
-        """Return the same in seconds."""
+        """Return the bench time of the last operation or wait in s."""
         return self._now_ns / NANOSECONDS
 
     def look(self) -> int:
-        """Return the bench time of this moment; from here on `now_ns` returns it, too."""
+        """Advance bench time to the present moment, and return it in ns."""
         if self._began_ns is not None:
             self.pulse()
             self._now_ns = max(self._now_ns, self._present_ns(self._began_ns))
@@ -84,7 +84,7 @@ class LiveClock:
         self.wait_until(self._now_ns + round(seconds * NANOSECONDS))
 
     def wait_until(self, when_ns: int) -> None:
-        """Let time pass until `when_ns`, which is then the bench time however late it is."""
+        """Let time pass until `when_ns`, which is then the bench time even if the wait overran."""
         if self._began_ns is not None:
             while (missing_ns := when_ns - self._present_ns(self._began_ns)) > 0:
                 self.pulse()
@@ -92,17 +92,17 @@ class LiveClock:
         self._now_ns = max(self._now_ns, when_ns)
 
     def boot_s_of(self, when_ns: int) -> float:
-        """Return the boot time in s of an instant of bench time, of this moment where the clock has not begun."""
+        """Return the boot time in s of an instant of bench time, or of the present moment before the clock begins."""
         if self._began_ns is None:
             return self._real_ns() / NANOSECONDS
         return (self._began_ns + (when_ns - self._start_ns) / self._speed) / NANOSECONDS
 
     def behind_ns(self) -> int:
-        """Return how much `look` would move the bench time on."""
+        """Return how far `look` would advance bench time in ns."""
         return 0 if self._began_ns is None else max(0, self._present_ns(self._began_ns) - self._now_ns)
 
     def soon_ns(self) -> int:
-        """Return until when a wait may last before somebody has to look after the bench."""
+        """Return the latest end in ns of a wait before the bench must be serviced."""
         present_ns = self._now_ns if self._began_ns is None else self._present_ns(self._began_ns)
         return max(self._now_ns, present_ns) + round(_SLICE_NS * self._speed)
 

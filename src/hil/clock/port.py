@@ -1,4 +1,4 @@
-"""What the product asks of a clock."""
+"""Interface of a bench's clock."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ __all__ = ["FOREVER_NS", "NANOSECONDS", "Clock", "ClockError"]
 
 NANOSECONDS = 1_000_000_000
 FOREVER_NS = 2**62
-"""No bench lives that long."""
+"""An instant beyond the life of any bench."""
 
 
 class ClockError(RuntimeError):
@@ -27,7 +27,7 @@ class Clock(Protocol):
         ...
 
     def look(self) -> int:
-        """Return the nanoseconds as they are at this moment: time outside this process moves on between calls."""
+        """Return the present bench time in ns: time outside this process advances between calls."""
         ...
 
     def sleep(self, seconds: float) -> None:

@@ -1,4 +1,4 @@
-"""The virtual clock: time jumps from event to event, and nobody waits."""
+"""Virtual next-event clock: time jumps from event to event without waiting."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ _MOST_EVENTS_AT_ONE_INSTANT = 100_000
 
 
 class Event:
-    """Something that will happen; `cancel` takes it back.
+    """A scheduled event that can be cancelled.
 
     Attributes:
-        number: its place among the events of one device at one instant.
-        action: what happens.
-        cancelled: whether it was taken back.
+        number: its order among the events of one device at one instant.
+        action: called when it is due.
+        cancelled: whether it was cancelled.
     """
 
     __slots__ = ("action", "cancelled", "number")
@@ -31,11 +31,11 @@ class Event:
         self.cancelled = False
 
     def cancel(self) -> None:
-        """Take the event back; it may have happened already."""
+        """Cancel the event; it may already have happened."""
         self.cancelled = True
 
     def __lt__(self, other: Event) -> bool:
-        """Return an order for the heap; of two events of one number all but one were taken back."""
+        """Order events in the heap; of events with the same number all but one are cancelled."""
         return other.cancelled and not self.cancelled
 
 
@@ -43,14 +43,14 @@ class VirtualClock:
     """A next-event clock.
 
     Time is an integer number of nanoseconds, so that sums of steps are exact and two runs agree.
-    Events at one instant happen in the order of their device, then in the order in which they were
-    asked for. Plants follow the clock: every observer sees a plant as it is at that instant.
+    Simultaneous events happen in the order of their device, then in the order in which they were
+    scheduled. Plants follow the clock: every observer sees a plant as it is at that instant.
 
     Args:
         epoch: the bench's epoch in UTC, ISO 8601; simulated UTC is this plus the virtual time.
 
     Attributes:
-        asked: how many events were asked for; the next one has this number. A restore sets it.
+        asked: number of events scheduled, which is the number of the next one. A restore sets it.
     """
 
     def __init__(self, epoch: str = "2026-01-01T00:00:00Z") -> None:
@@ -60,7 +60,7 @@ class VirtualClock:
         self.asked = 0
         self._at_this_instant = 0
         self._waiting = "nobody"
-        self._awaited_ns = 0  # until when somebody lets time pass, whatever happens in between
+        self._awaited_ns = 0  # end of an unconditional wait
 
     def now_ns(self) -> int:
         """Return the nanoseconds since the bench's epoch."""
@@ -78,11 +78,11 @@ class VirtualClock:
         return moment.isoformat(timespec="microseconds").replace("+00:00", "Z")
 
     def state(self) -> Mapping[str, int]:
-        """Return the time, and how many events were asked for."""
+        """Return the time, and the number of events scheduled."""
         return {"now_ns": self._now_ns, "asked": self.asked}
 
     def restore(self, state: Mapping[str, int]) -> None:
-        """Continue from what `state` returned; those who asked for events must have asked for them again before.
+        """Continue from what `state` returned; events must have been rescheduled beforehand.
 
         Raises:
             ValueError: if the clock stands at another instant.
@@ -92,10 +92,10 @@ class VirtualClock:
         self.asked = state["asked"]
 
     def at(self, when_ns: int, action: Callable[[], None], number: int | None = None, *, device: int = 0) -> Event:
-        """Let `action` happen at `when_ns`, at once if that has passed; `device` orders equal instants.
+        """Schedule `action` at `when_ns`, or at once if that has passed; `device` orders simultaneous events.
 
-        A `number` is that of an event that was asked for before its peer was restored: it keeps its place, and what is
-        asked for from now on comes after it.
+        A `number` is that of an event scheduled before its peer was restored: it keeps its order, and new events come
+        after it.
         """
         if number is None:
             number = self.asked
@@ -114,22 +114,22 @@ class VirtualClock:
         return events[0][0] if events else None
 
     def calm_until_ns(self) -> int:
-        """Return the last instant up to which nothing else is due and somebody waits, whatever happens; it may be past.
+        """Return the last instant before any other event or the end of an unconditional wait; it may be past.
 
-        Asked during an event. A device that sends every few seconds for weeks sends all of it until then at once: who
-        asks for it finds each part at its instant, and nobody can ask in between.
+        Called during an event. A device that sends every few seconds for weeks can send everything up to then at once:
+        each part has its own instant, and nothing can observe the device in between.
         """
         events = self._events
         return min(self._awaited_ns, events[0][0] - 1) if events else self._awaited_ns
 
     def sleep(self, seconds: float) -> None:
-        """Let `seconds` pass, with everything that is due on the way."""
+        """Let `seconds` pass, executing all events due meanwhile."""
         if not seconds >= 0:
             raise ClockError(f"cannot sleep for {seconds} s")
         self.wait_until(self._now_ns + round(seconds * NANOSECONDS))
 
     def wait_until(self, when_ns: int) -> None:
-        """Let time pass until `when_ns`, with everything that is due on the way."""
+        """Let time pass until `when_ns`, executing all events due meanwhile."""
         events, self._waiting = self._events, "nobody"
         while events and events[0][0] <= when_ns:
             due_ns, _, _, event = heappop(events)
@@ -146,10 +146,10 @@ class VirtualClock:
             self._now_ns, self._at_this_instant = when_ns, 0
 
     def run(self, deadline_ns: int, done: Callable[[], bool], who: str = "nobody") -> bool:
-        """Let time pass until `done()` or the deadline; return whether it was done.
+        """Let time pass until `done()` or the deadline; return whether it is done.
 
         This is how a read waits: time stops at the event that brought the last byte, and moves on to
-        the deadline only if none did. The error names `who` waits if time no longer moves.
+        the deadline only if none did. If time is stuck, the error names the waiting `who`.
         """
         events, self._waiting = self._events, who
         while not done():

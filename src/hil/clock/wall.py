@@ -1,4 +1,4 @@
-"""Wall time for evidence, leases and terminals; benches never look here."""
+"""Wall time for evidence, leases and terminals; never used by benches."""
 
 from __future__ import annotations
 
@@ -39,10 +39,10 @@ _BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
 
 
 class _Machine:
-    """What reads this machine's clocks, as it was when this module was loaded.
+    """Access to this machine's clocks, as captured when this module was loaded.
 
-    It is kept where nobody finds it who replaces `time.time`, `datetime.datetime` and their like in all modules, as
-    tools do that freeze time for tests: a case can deceive itself about the time, but not the record of the run.
+    It is out of reach of tools that replace `time.time`, `datetime.datetime` and the like in all modules to freeze time
+    for tests: a case can deceive itself about the time, but not the record of the run.
     """
 
     def __init__(self) -> None:
@@ -79,7 +79,7 @@ _machine = _Machine()
 
 
 def replaced() -> tuple[str, ...]:
-    """Return the names of the clocks of this process that somebody replaced, by which a case is told another time."""
+    """Return the names of this process's clocks that were replaced, for example by a tool that freezes time."""
     modules = {"time": time, "datetime": sys.modules.get("datetime")}
     found = []
     for name, before in _machine.as_loaded.items():
@@ -91,7 +91,7 @@ def replaced() -> tuple[str, ...]:
 
 @dataclass(frozen=True, slots=True)
 class WallStamp:
-    """One moment: UTC, seconds since boot (suspend included), and which boot."""
+    """A timestamp: UTC, seconds since boot (suspend included), and boot ID."""
 
     utc: str
     boot: float
@@ -108,7 +108,7 @@ class Clocks:
 
 
 def clocks() -> Clocks:
-    """Return what the clocks of this machine say now."""
+    """Return the present readings of this machine's clocks."""
     day = _machine.read_ns(time.CLOCK_REALTIME) / _NANOSECONDS
     return Clocks(day=day, boot=_since_boot(), awake=monotonic())
 
@@ -119,15 +119,15 @@ def boot_ns() -> int:
 
 
 def stamp() -> WallStamp:
-    """Return this moment."""
+    """Return the present timestamp."""
     return WallStamp(utc=utc_now(), boot=round(_since_boot(), 6), boot_id=_boot_id())
 
 
 def seconds_of(utc: str) -> float:
-    """Return a moment, ISO 8601, as seconds since 1970.
+    """Convert an ISO 8601 time to seconds since 1970.
 
     Raises:
-        ValueError: if it is none, or has no time zone.
+        ValueError: if it is invalid, or has no time zone.
     """
     moment = _machine.moment.fromisoformat(utc)
     if moment.tzinfo is None:
@@ -136,25 +136,25 @@ def seconds_of(utc: str) -> float:
 
 
 def supervise(descriptor: int) -> None:
-    """Take the latest stamp of the process that supervises this one from a file from now on; -1 ends that."""
+    """Set the file that holds the supervising process's latest timestamp; -1 for none."""
     global _supervisor  # noqa: PLW0603 - there is one
     _supervisor = descriptor
 
 
 def put_stamp(descriptor: int) -> None:
-    """Put the present moment into a file, in the place of the one before, for the process that is supervised."""
+    """Overwrite a file with the present timestamp, for the supervised process."""
     now = stamp()
     os.pwrite(descriptor, f"{now.utc} {now.boot:.6f} {now.boot_id}".ljust(_STAMP).encode(), 0)
 
 
 def supervisor_stamp() -> WallStamp | None:
-    """Return the latest stamp of the process that supervises this one, None where none does."""
+    """Return the latest timestamp of the supervising process, None if there is none."""
     if _supervisor < 0:
         return None
     try:
         utc, boot, boot_id = os.pread(_supervisor, _STAMP, 0).decode("ascii").split()
         return WallStamp(utc=utc, boot=float(boot), boot_id=boot_id)
-    except (OSError, ValueError):  # half of it is written at this moment, or nothing yet
+    except (OSError, ValueError):  # partly written, or nothing yet
         return None
 
 
@@ -164,7 +164,7 @@ def utc_now() -> str:
 
 
 def seconds_since(utc: str) -> float:
-    """Return the seconds from a moment, ISO 8601, until now by the time of day."""
+    """Return the seconds since an ISO 8601 time, by the time of day."""
     return round((_machine.now() - _machine.moment.fromisoformat(utc)).total_seconds(), 3)
 
 
@@ -174,21 +174,21 @@ def compact_utc() -> str:
 
 
 def moment_of(utc: str) -> datetime:
-    """Return a moment, ISO 8601, in UTC.
+    """Parse an ISO 8601 time to UTC.
 
     Raises:
-        ValueError: if it is none.
+        ValueError: if it is invalid.
     """
     return _machine.moment.fromisoformat(utc).astimezone(UTC)
 
 
 def epoch() -> datetime:
-    """Return a fixed moment, for files whose format wants one and whose bytes must not depend on the time."""
+    """Return a fixed time, for file formats that require one in files whose bytes must not depend on time."""
     return _machine.moment(1980, 1, 1, tzinfo=UTC)
 
 
 def is_date(text: str) -> bool:
-    """Tell whether a text names a day that exists, ISO 8601: `2027-02-31` does not."""
+    """Return whether a text is an existing ISO 8601 date, unlike `2027-02-31`."""
     try:
         _machine.moment.fromisoformat(f"{text}T00:00:00+00:00")
     except ValueError:
@@ -197,17 +197,17 @@ def is_date(text: str) -> bool:
 
 
 def days_between(first: str, last: str) -> int:
-    """Return how many days lie between two days or moments of UTC, ISO 8601; negative if the second is earlier."""
+    """Return the days between two ISO 8601 dates or times in UTC; negative if the second is earlier."""
     return (_machine.moment.fromisoformat(last[:10]) - _machine.moment.fromisoformat(first[:10])).days
 
 
 def monotonic() -> float:
-    """Return seconds on a clock that only goes forward; for durations a person waits."""
+    """Return seconds on a monotonic clock, for durations experienced by a person."""
     return _machine.read_ns(time.CLOCK_MONOTONIC) / _NANOSECONDS
 
 
 def pause(seconds: float) -> None:
-    """Wait for wall time to pass; for terminals and retries outside benches only."""
+    """Wait in wall time; only for terminals and retries outside benches."""
     _machine.sleep(seconds)
 
 

@@ -1,1 +1,1 @@
-"""Frozen data and errors that every room speaks of: figures, verdicts, faults."""
+"""Shared frozen data types and errors: figures, verdicts, faults."""

@@ -1,7 +1,7 @@
 """A bench as data: instruments, wiring, clamps, envelope, safe-off, and the simulated twin.
 
 These are the models of `bench.yaml`: the type of a field says how its value is written there, see `hil.model.notation`,
-and `alias` gives its key where that is another than its name.
+and `alias` is its key where that differs from its name.
 """
 
 from collections.abc import Mapping
@@ -60,14 +60,14 @@ _EPOCH = rf"{DATE}T([01]\d|2[0-3]):[0-5]\d:[0-5]\dZ"
 _Count = Annotated[int, whole(0)]
 
 TERMINATORS = {"LF": b"\n", "CR": b"\r", "CR LF": b"\r\n"}
-"""What a line of text can end with, as the bench file writes it."""
+"""Line terminators by their names in bench files."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bus:
-    """An I2C bus and how fast it runs.
+    """An I2C bus with its clock frequency.
 
-    Either `port` (where it is on hardware) or `instrument` (who runs its transfers) is set.
+    Either `port` (of the hardware) or `instrument` (which serves the bus) is set.
     """
 
     name: str = field(default="", metadata=NAMED)
@@ -91,13 +91,13 @@ class CalibratedRange:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Registered:
-    """What the register says of an instrument and its newest certificate, beyond its uncertainty.
+    """Register data of an instrument and its newest certificate, besides the uncertainty.
 
     Attributes:
         id: the instrument's name in the register.
         serial: its serial number.
         number: the certificate's number.
-        laboratory: who calibrated.
+        laboratory: calibration laboratory.
         date: the day of calibration, ISO 8601.
         sha256: SHA-256 of the certificate's file.
         as_left: how the laboratory returned the instrument.
@@ -114,13 +114,13 @@ class Registered:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Calibration:
-    """An instrument's calibration record, of the bench file or from the register of instruments.
+    """An instrument's calibration record, from the bench file or the register of instruments.
 
     Attributes:
         certificate: the file of the certificate, below the bench's folder; one of the register below the fixtures.
-        due: the last day on which it counts, ISO 8601.
-        ranges: its uncertainty by quantity and range.
-        registered: what only the register says, None for a record of the bench file.
+        due: last day of validity, ISO 8601.
+        ranges: uncertainty by quantity and range.
+        registered: data only in the register, None for a record of the bench file.
     """
 
     certificate: Text
@@ -131,7 +131,7 @@ class Calibration:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rating:
-    """What an instrument's channel can withstand or deliver; channel 0 means the whole instrument."""
+    """Rating of an instrument's channel; channel 0 means the whole instrument."""
 
     channel: _Count = 0
     quantity: Text
@@ -141,11 +141,11 @@ class Rating:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UsbPort:
-    """Which USB device a serial port must be: its serial number, or the place in which it is plugged in.
+    """Required USB device of a serial port: by serial number, or by where it is plugged in.
 
     Attributes:
         serial: serial number of the device, empty if it has none of its own.
-        path: name of the port in `/dev/serial/by-path`, for devices whose serial numbers are all alike.
+        path: name of the port in `/dev/serial/by-path`, for devices without unique serial numbers.
     """
 
     serial: AnyText = ""
@@ -154,12 +154,12 @@ class UsbPort:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OnboardPort:
-    """Which UART of this computer's own a serial port must be, by what the kernel says of it in sysfs.
+    """Required onboard UART of a serial port, by its sysfs data.
 
     Attributes:
         device: its hardware, a folder on the path to which `/sys/class/tty/NAME/device` leads: `fe201000.serial`.
-        driver: the kernel's driver of it, such as `uart-pl011`; compared only where it is given.
-        at: its first address, such as `0x2f8`; for cards with several ports.
+        driver: its kernel driver, such as `uart-pl011`; compared only if given.
+        at: its base address, such as `0x2f8`; for cards with several ports.
     """
 
     device: Text
@@ -169,19 +169,19 @@ class OnboardPort:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InstrumentSpec:
-    """One instrument: its driver, where it is, who it must be, what it may do.
+    """One instrument: driver, port, expected identity, ratings.
 
     Either `port` (a URL for pyserial) or `bus` and `address` (I2C) is set. `powered_by` names the
-    output that feeds it, empty if it has power of its own. `usb`, or `onboard` where it is no USB device, says which
-    device a serial port must be. `serial_line` is how that is set.
+    output that feeds it, empty if it has its own supply. `usb`, or `onboard` if it is not a USB device, identifies the
+    required device of a serial port. `serial_line` is its settings.
 
     Attributes:
-        second_address: of the second die of a chip that has two; 0 for that die's usual address.
-        register: its name in the register of instruments, which then says how it is calibrated; empty for none.
-        terminator: what ends a line of text, both ways; empty for what the driver takes by itself.
-        timeout_s: how long a reply may take [s]; 0 for what the driver takes by itself.
-        stands_for_hardware: why a port on this computer's own network is hardware; every report of a run tells it.
-        bytes_unseen: why it is accepted that nobody saw the bytes of a wrapped instrument; every report tells it.
+        second_address: address of a chip's second die; 0 for its usual address.
+        register: its name in the register of instruments, the source of its calibration; empty for none.
+        terminator: line terminator in both directions; empty for the driver's default.
+        timeout_s: reply timeout [s]; 0 for the driver's default.
+        stands_for_hardware: why a port on this computer's own network is hardware; stated in every report of a run.
+        bytes_unseen: why unrecorded bytes of a wrapped instrument are acceptable; stated in every report.
     """
 
     name: str = field(default="", metadata=NAMED)
@@ -207,13 +207,13 @@ class InstrumentSpec:
 
     @property
     def line_end(self) -> bytes:
-        """The bytes of `terminator`, none where the driver takes its own."""
+        """The bytes of `terminator`, empty for the driver's default."""
         return TERMINATORS.get(self.terminator, b"")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Position:
-    """Which contacts of which relays are closed, and whether the output then feeds its load."""
+    """A relay position: the closed contacts, and whether the output then feeds its load."""
 
     relays: Text
     closed: tuple[Text, ...]
@@ -222,12 +222,12 @@ class Position:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReducedLevel:
-    """What arm does with a supply output before anybody relies on it.
+    """Reduced level at which arm tests a supply output before it is used.
 
     The output is set to this voltage [V] and current limit [A] and switched on; its measured voltage
-    must come up with the right sign and its current [A] must stay between the two bounds. Where relays
-    stand between output and load, that is done in each of the positions; in one that does not conduct
-    the current must stay below the lower bound. So a contact that is welded, or does not close, shows.
+    must come up with the right sign and its current [A] must stay between the two bounds. With relays
+    between output and load this is repeated in each position; in one that does not conduct, the
+    current must stay below the lower bound. This reveals a contact that is welded or does not close.
     """
 
     voltage: Annotated[float, number(above=0.0)]
@@ -242,16 +242,16 @@ class Wire:
     """A named role instance: `supply.coil` is channel 2 of `psu1`.
 
     Attributes:
-        role: what a case asks for (`supply`, `relays`, `magnetometer`).
-        instance: its name within the role, empty if the role has one instance only.
+        role: the role used by cases (`supply`, `relays`, `magnetometer`).
+        instance: its name within the role, empty if the role has only one instance.
         instrument: the instrument that fills it.
         channel: the instrument's channel, 0 where it has none.
-        contacts: for relays, name of a contact to its number on the board.
-        settings: what else the role needs (measurement range, output rate), as strings.
-        reduced: for supplies, the level at which arm tries the output.
-        charges: for supplies, the cycler through which the output charges a battery; empty if it charges none.
-        hazardous: whether its output can do harm when nobody can reach it; only roles that drive anything are asked.
-        note: polarity, fuse, cable: printed in the report's wiring table.
+        contacts: for relays, the board's contact numbers by contact name.
+        settings: further settings of the role (measurement range, output rate), as strings.
+        reduced: for supplies, the level at which arm tests the output.
+        charges: for supplies, the cycler through which the output charges a battery; empty if none.
+        hazardous: whether its output can do harm while unreachable; only for roles that drive something.
+        note: polarity, fuse, cable; printed in the report's wiring table.
     """
 
     role: Text
@@ -267,7 +267,7 @@ class Wire:
 
     @property
     def name(self) -> str:
-        """The dotted name that clamps, envelope and safe-off use."""
+        """The dotted name used by clamps, envelope and safe-off."""
         return f"{self.role}.{self.instance}" if self.instance else self.role
 
 
@@ -283,20 +283,20 @@ class Bounds:
 
 
 class Clamp(Bounds):
-    """The range that settings of one output may have; anything beyond is not sent."""
+    """The permitted range of one output's settings; anything beyond is not sent."""
 
     __slots__ = ()
 
 
 class Proof(Bounds):
-    """How a safe state is proven: this read must be within these bounds."""
+    """Proof of a safe state: this reading must be within these bounds."""
 
     __slots__ = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SafeStep:
-    """One line of the ordered safe-off: bring this output to this state, prove it, within this time."""
+    """One line of the ordered safe-off: output, safe state, proof and time limit."""
 
     output: Text
     state: Text
@@ -306,7 +306,7 @@ class SafeStep:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlantSpec:
-    """Physics of the simulated twin: which model, on which grid, with which truth."""
+    """A plant of the simulated twin: model, time grid and truth."""
 
     name: str = field(default="", metadata=NAMED)
     model: Text
@@ -320,10 +320,10 @@ class PeerSpec:
 
     Attributes:
         device: the instrument's name.
-        model: which peer; the driver's usual counterpart where empty.
-        truth: what the simulated instrument or DUT really is (serial number, offsets, noise).
+        model: peer model; the driver's usual counterpart if empty.
+        truth: true properties of the simulated instrument or DUT (serial number, offsets, noise).
         connects: the peer's terminals to plant signals (`{"2": "coil.supply"}`).
-        faults: what goes wrong with it, and when.
+        faults: its injected faults, with their times.
     """
 
     device: str = field(default="", metadata=NAMED)
@@ -346,12 +346,12 @@ class SimulatedBench:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BenchHead:
-    """What a bench is called, where it stands, and what holds of all of it.
+    """Name, location and global settings of a bench.
 
     Attributes:
-        dew_point: of its air in degC, None if nobody knows it.
-        acknowledge: `anyone`, or `owner`: only the user whose run it was, and root.
-        longest_computation_s: how long a case's own code may come to no scheduling point with outputs on [s].
+        dew_point: dew point of the ambient air [degC], None if unknown.
+        acknowledge: `anyone`, or `owner`: only the user of the run, and root.
+        longest_computation_s: longest time without a scheduling point in a case's own code with outputs on [s].
     """
 
     name: Annotated[str, slug("-")]
@@ -366,7 +366,7 @@ class BenchHead:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BenchSpec:
-    """One bench file, read and checked."""
+    """One validated bench file."""
 
     head: BenchHead = field(metadata={"alias": "bench"})
     buses: Annotated[tuple[Bus, ...], ByName()] = ()
@@ -383,7 +383,7 @@ class BenchSpec:
 
     @property
     def name(self) -> str:
-        """What the bench is called; its folder is called the same."""
+        """Name of the bench, and of its folder."""
         return self.head.name
 
     def instrument(self, name: str) -> InstrumentSpec:

@@ -1,4 +1,4 @@
-"""What keeps a bench safe where its safe-off cannot be taken, or says more than is so: data of the bench file."""
+"""Cut paths and post-safe watches: safety measures beyond the safe-off, as data of the bench file."""
 
 from dataclasses import dataclass, field
 from typing import Annotated
@@ -12,18 +12,18 @@ _LONG = seconds(above=0.0)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CutPath:
-    """What takes an output's energy away when its own port is gone.
+    """Means of removing an output's energy when its own port is gone.
 
     One of three is set: `by` and `state` (another output, whose safe state cuts it off), `watchdog` (an output whose
-    instrument opens by itself once its heartbeat is missing), or `hardware` (in words: what needs no heartbeat).
+    instrument opens by itself when its heartbeat stops), or `hardware` (a description of one without a heartbeat).
 
     Attributes:
-        output: the output that is cut off.
-        by: the output whose safe state does it.
+        output: the output to cut off.
+        by: the output whose safe state cuts it off.
         state: that state.
-        watchdog: an output whose instrument keeps the heartbeat; it may be the same output.
+        watchdog: an output whose instrument has the watchdog; may be the same output.
         hardware: an interlock or a cut-out.
-        within_s: how long it takes at most.
+        within_s: time limit [s].
     """
 
     output: Text
@@ -35,34 +35,34 @@ class CutPath:
 
     @property
     def means(self) -> str:
-        """What does it, in words."""
+        """Description of the means."""
         if self.watchdog:
             return f"watchdog of {self.watchdog}"
         return f"{self.by} {self.state}" if self.by else self.hardware
 
     @property
     def needs_host(self) -> bool:
-        """Whether run or guardian have to live for it."""
+        """Whether it depends on run or guardian being alive."""
         return bool(self.by)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WatchAfter:
-    """What must be seen after the last safe-off, whatever its lines have proven.
+    """Condition that must be observed after the safe-off, whatever its lines have proven.
 
-    Either the reading stays between two bounds all the time, or it goes `toward` a value: it comes closer by the
-    tolerance, or is within the tolerance of it in the end.
+    Either the reading stays between two bounds throughout, or it goes `toward` a value: it approaches by the tolerance,
+    or ends within the tolerance of it.
 
     Attributes:
-        output: the role instance that is read; it is the one that is not safe where this does not hold.
-        quantity: which of its reads.
+        output: the role instance that is read, which is unsafe if the condition fails.
+        quantity: the quantity read.
         unit: unit of the numbers.
         minimum: lowest safe value; None with `toward`.
         maximum: highest safe value; None with `toward`.
-        toward: where it goes by itself, such as the temperature of the room; None with bounds.
-        tolerance: how far from there is as good as there, and how much closer is closer; None with bounds.
-        for_s: how long it stays between the bounds; None with `toward`.
-        within_s: how long it may take to come closer; None with bounds.
+        toward: its equilibrium, such as room temperature; None with bounds.
+        tolerance: distance that counts as there, and least approach that counts as closer; None with bounds.
+        for_s: time to stay between the bounds [s]; None with `toward`.
+        within_s: time limit for the approach [s]; None with bounds.
     """
 
     output: Text
@@ -77,5 +77,5 @@ class WatchAfter:
 
     @property
     def seconds(self) -> float:
-        """How long it is watched at most."""
+        """Longest duration of the watch in s."""
         return (self.for_s if self.toward is None else self.within_s) or 0.0

@@ -1,4 +1,4 @@
-"""Limits of the envelope as data: what is read, and what is computed from it."""
+"""Limits of the envelope as data: measured and derived quantities."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -15,7 +15,7 @@ MADE_OF = {
     "slope": (),
     "unchanged": (),
 }
-"""Derived quantities, and what else they are computed from, beyond what the limit names."""
+"""Derived quantities, with the further quantities that they are computed from."""
 
 _MILLISECOND = seconds(0.001)
 _MADE = {"slope": "slope of {of}", "unchanged": "time of unchanged {of}"}
@@ -23,27 +23,27 @@ _MADE = {"slope": "slope of {of}", "unchanged": "time of unchanged {of}"}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EnvelopeLimit:
-    """A quantity that trips the bench, watched whether or not a case reads it.
+    """A limit on a quantity that trips the bench, monitored whether or not a case reads it.
 
-    From `of` on, the attributes say how a derived quantity comes from what is read; what does not concern it is empty.
+    The attributes from `of` on define a derived quantity; those that do not apply are empty.
 
     Attributes:
         id: its name in events and messages.
         output: the role instance that is read.
-        quantity: which of its reads (`current`, `voltage`, `temperature`), or what is computed from them.
+        quantity: quantity read (`current`, `voltage`, `temperature`), or derived.
         unit: unit of the limits.
         minimum: lowest allowed value, or None.
         maximum: highest allowed value, or None.
-        period_s: how often it is read.
-        max_age_s: how old the last good reading may get before that alone is a trip.
-        debounce: how many readings in a row must be outside.
-        of: of which quantity a `slope` is taken, or which one may not stay `unchanged`.
-        flow: `charging`, `discharging` or `flowing`: the limit counts only while such a current flows.
-        threshold: in A; a current that is nearer to zero is none.
-        since: `phase`, the last current of the other direction, or `arm`.
-        over_s: the time over which a slope is taken.
-        band: how far an unchanged quantity may go from where it was.
-        against: the output whose quantity of the same name is subtracted.
+        period_s: monitor period [s].
+        max_age_s: age of the last good reading that trips on its own [s].
+        debounce: number of consecutive readings outside the limits that trip.
+        of: quantity whose `slope` is taken, or that must not stay `unchanged`.
+        flow: `charging`, `discharging` or `flowing`: the limit applies only while such a current flows.
+        threshold: current [A] below which none flows.
+        since: start of integration: `phase`, the last current of the other direction, or `arm`.
+        over_s: time window of a slope [s].
+        band: largest deviation of an unchanged quantity.
+        against: output whose quantity of the same name is subtracted.
     """
 
     id: Annotated[str, slug("-")]
@@ -54,7 +54,7 @@ class EnvelopeLimit:
     maximum: Number | None = field(default=None, metadata={"alias": "max"})
     period_s: Annotated[float, _MILLISECOND] = field(metadata={"alias": "period"})
     max_age_s: Seconds = field(metadata={"alias": "max_age"})
-    debounce: Annotated[int, whole(1, 1000)] = 1  # with more, the limit hardly ever trips
+    debounce: Annotated[int, whole(1, 1000)] = 1  # beyond that the limit hardly ever trips
     of: AnyText = ""
     flow: Annotated[str, one_of("charging", "discharging", "flowing")] = field(default="", metadata={"alias": "while"})
     threshold: Annotated[float, number(above=0.0)] | None = None
@@ -65,7 +65,7 @@ class EnvelopeLimit:
 
     @property
     def derivation(self) -> Mapping[str, object]:
-        """What the file says of how the quantity is derived, by key."""
+        """The file's definition of the derived quantity, by key."""
         said = {
             "of": self.of,
             "while": self.flow,
@@ -79,12 +79,12 @@ class EnvelopeLimit:
 
     @property
     def is_derived(self) -> bool:
-        """Whether the quantity is computed, not read."""
+        """Whether the quantity is derived rather than read."""
         return self.quantity in MADE_OF or bool(self.derivation)
 
     @property
     def words(self) -> str:
-        """The quantity as a sentence names it."""
+        """The quantity's name in sentences."""
         words = _MADE.get(self.quantity, self.quantity).format(of=self.of)
         if self.against:
             words += f" against {self.against}"

@@ -1,4 +1,4 @@
-"""Every error of the product, in one tree.
+"""All errors of the product, as one class hierarchy.
 
 HilError                      anything a person can cause or must know; never a traceback
 ├── ConfigurationError        files that are wrong: all findings at once, exit code 4
@@ -48,10 +48,10 @@ __all__ = [
 
 
 class HilError(Exception):
-    """An error with what to do next.
+    """An error with a hint on what to do next.
 
     Args:
-        message: where and what, in one sentence without a full stop.
+        message: location and problem, in one sentence without a full stop.
         hint: what to do next, or an empty string if the message already says it.
     """
 
@@ -66,7 +66,7 @@ class HilError(Exception):
 
 @dataclass(frozen=True, slots=True, order=True)
 class Finding:
-    """One thing that is wrong in one place of one file; line and column count from 1, 0 is unknown."""
+    """One error at one place of one file; line and column count from 1, 0 is unknown."""
 
     path: str
     line: int
@@ -80,7 +80,7 @@ class Finding:
 
 
 class ConfigurationError(HilError):
-    """Files that are wrong, with every finding, in the order of the files."""
+    """Invalid files, with every finding, in the order of the files."""
 
     def __init__(self, findings: tuple[Finding, ...]) -> None:
         self.findings = tuple(sorted(findings))
@@ -92,7 +92,7 @@ _MOST_UNQUOTED = 5
 
 
 def _told(findings: tuple[Finding, ...]) -> Iterator[str]:
-    """Give a line per finding; where many values of a file only lack quotes, the others are told in one."""
+    """Yield one line per finding; many values of a file that only lack quotes share a line."""
     unquoted: dict[str, list[int]] = {}
     for finding in findings:
         lines = unquoted.setdefault(finding.path, [])
@@ -107,16 +107,16 @@ def _told(findings: tuple[Finding, ...]) -> Iterator[str]:
 
 
 class Refused(HilError):
-    """The product declines to continue, and nothing was driven."""
+    """The product declines the request; nothing was driven."""
 
 
 class DeviceFault(HilError):
-    """A device that does not answer as its protocol says.
+    """A device does not respond as its protocol requires.
 
     Args:
         device: the device's name in the bench file.
-        message: what was expected and what came.
-        hint: what to look at.
+        message: what was expected and what was received.
+        hint: what to check.
     """
 
     def __init__(self, device: str, message: str, hint: str = "") -> None:
@@ -125,13 +125,13 @@ class DeviceFault(HilError):
 
 
 class NoReply(DeviceFault):
-    """Nothing, or too little, came within the timeout.
+    """No reply, or an incomplete one, within the timeout.
 
     Args:
         device: see `DeviceFault`.
         message: see `DeviceFault`.
         hint: see `DeviceFault`.
-        gone: whether there is no port any more, so that nothing can come: a hang-up, an I/O error, a reset connection.
+        gone: whether the port itself is lost: a hang-up, an I/O error, a reset connection.
     """
 
     def __init__(self, device: str, message: str, hint: str = "", *, gone: bool = False) -> None:
@@ -140,7 +140,7 @@ class NoReply(DeviceFault):
 
 
 class Garbled(DeviceFault):
-    """Bytes came that the protocol does not allow."""
+    """Bytes were received that the protocol does not allow."""
 
 
 class Rejected(DeviceFault):
@@ -148,39 +148,39 @@ class Rejected(DeviceFault):
 
 
 class Implausible(DeviceFault):
-    """What a device says contradicts what else is known: a fixture's judgement of its bench."""
+    """A device's readings contradict other knowledge: a fixture's judgement of its bench."""
 
 
 class WrongIdentity(DeviceFault):
-    """Another device answered than the bench file expects."""
+    """The device that answered is not the one in the bench file."""
 
 
 class ClampExceeded(HilError):
-    """A setting beyond the clamps of the bench file; no byte of it was sent."""
+    """A setting exceeds the bench file's clamps; no byte of it was sent."""
 
 
 class Tripped(HilError):
-    """The envelope was left; whatever the case does now, its verdict is ERROR."""
+    """The envelope was violated; whatever the case does now, its verdict is ERROR."""
 
 
 class GuardianLost(HilError):
-    """The guardian is gone, or does not answer: nobody would make the bench safe in the executive's place."""
+    """The guardian is gone or does not respond, so nothing would make the bench safe in the executive's place."""
 
 
 class Misused(HilError):
-    """A case asks for what the catalogue does not hold, or gives something that is not a figure or role of its own."""
+    """A case asks for something not in the catalogue, or passes a value that is not a figure or role of its own."""
 
 
 class NotInTime(HilError):
-    """What a case waited for in the rows of a recording did not come in time."""
+    """A condition in a recording's rows that a case waited for did not occur in time."""
 
 
 class Diverged(HilError):
-    """A case that is run again asked for something else than the record holds."""
+    """A re-executed case made a request that differs from the record."""
 
     @property
     def first(self) -> Diverged:
-        """The disagreement from which this one follows, if it does."""
+        """The original disagreement, if this one follows from it."""
         found = self
         while isinstance(found.__context__, Diverged):
             found = found.__context__
@@ -188,18 +188,18 @@ class Diverged(HilError):
 
 
 class EvidenceError(HilError):
-    """A package or journal that is damaged, incomplete, or in the way."""
+    """A package or journal is damaged, incomplete, or in the way."""
 
 
 class NotTriggered(NotInTime):
-    """An instrument was armed, and its trigger did not come in time.
+    """An instrument was armed, but its trigger did not occur in time.
 
-    Bench or DUT, nobody can tell: where a case lets it through, what it did not check is INCONCLUSIVE.
+    Whether bench or DUT is at fault is unknown: if a case lets it through, unchecked parameters are INCONCLUSIVE.
 
     Args:
         device: the instrument's name in the bench file.
         message: what was waited for.
-        hint: what to look at.
+        hint: what to check.
     """
 
     def __init__(self, device: str, message: str, hint: str = "") -> None:
@@ -208,4 +208,4 @@ class NotTriggered(NotInTime):
 
 
 class NotMet(NotTriggered):
-    """A condition that a case waited for was not met in time; it counts like a trigger that did not come."""
+    """A condition that a case waited for was not met in time; treated like a missing trigger."""

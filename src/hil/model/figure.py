@@ -1,4 +1,4 @@
-"""A figure: a number that knows its unit, how well it is known and where it comes from, and its form in JSON."""
+"""Figure: a number with unit, uncertainty and provenance, and its JSON form."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _DIFFERENCES = frozenset({"K", "kelvin", "delta_degC"})
 
 
 class FigureStatus(StrEnum):
-    """What the analysis says of the number it gives."""
+    """Status of a figure, as assigned by the analysis."""
 
     MEASURED = "measured"
     UPPER_LIMIT = "upper limit"
@@ -28,19 +28,19 @@ class FigureStatus(StrEnum):
 class Figure:
     """A value with unit and standard uncertainty.
 
-    Figures are added, subtracted, multiplied and divided, also with plain numbers, which count as exact. Uncertainties
-    follow to first order (GUM 5.1.2), degrees of freedom by Welch and Satterthwaite (GUM G.2b). Figures of different
-    instruments or units are independent. Those of one instrument in one unit share an unknown part of their errors:
-    where these would add up, they are added as fully correlated; where they would cancel, as independent.
-    The difference of two temperatures in degC is in K, and a temperature in degC may be changed by one in K.
+    Figures can be added, subtracted, multiplied and divided, also with plain numbers, which count as exact.
+    Uncertainties propagate to first order (GUM 5.1.2), degrees of freedom by Welch-Satterthwaite (GUM G.2b). Figures of
+    different instruments or units are independent. Those of one instrument in one unit share an unknown part of their
+    errors: they are combined as fully correlated where errors would add, and as independent where they would cancel.
+    The difference of two temperatures in degC is in K, and a difference in K can be added to a temperature in degC.
 
     Attributes:
         value: the number, in `unit`; NaN is allowed and never passes a check.
         unit: a unit string of the catalogue's notation (`deg/s/sqrt(Hz)`, `1` for a plain number).
         uncertainty: standard uncertainty (k = 1) in the same unit, None if unknown.
         dof: degrees of freedom of the uncertainty, infinite where it is taken as exact.
-        status: what the analysis says of the number; only MEASURED and UPPER_LIMIT can pass.
-        provenance: where it comes from, None where somebody wrote it; a changed copy says what was changed.
+        status: status assigned by the analysis; only MEASURED and UPPER_LIMIT can pass.
+        provenance: origin of the number, None if written by hand; a modified copy states what was changed.
     """
 
     value: float
@@ -60,20 +60,20 @@ class Figure:
 
     @property
     def written_by_hand(self) -> str:
-        """The figure as text where somebody wrote it and nothing was measured, empty elsewhere."""
+        """The figure as text if it was written by hand rather than measured, otherwise empty."""
         if self.provenance is not None or self.status in {FigureStatus.NOT_OBSERVABLE, FigureStatus.MODEL_REJECTED}:
             return ""
         return f"the figure {self.value:.6g} {self.unit}".removesuffix(" 1")
 
     @property
     def replaced(self) -> tuple[str, ...]:
-        """What of its numbers is not what it was issued with, a sentence each: somebody changed them directly."""
+        """The numbers that were changed directly since it was issued, one sentence each."""
         if self.provenance is None or self.provenance.issued is None:
             return ()
         return tuple(_changed(self.provenance.issued, self._numbers))
 
     def without_reading(self, reason: str) -> Figure:
-        """Return it with the reason why nothing of a reading is left in it."""
+        """Return it with the reason why no reading is left in it."""
         return self if self.provenance is None else self.with_provenance(self.provenance.but(reason))
 
     def with_provenance(self, provenance: Provenance) -> Figure:
@@ -88,7 +88,7 @@ class Figure:
         return self.value, self.unit, self.uncertainty, self.dof, self.status
 
     def _trace(self) -> None:
-        """Find where the numbers are from that a provenance was not issued for."""
+        """Determine the origin of numbers that the provenance was not issued for."""
         own = getattr(self.value, "provenance", None)
         of_uncertainty = getattr(self.uncertainty, "provenance", None)
         for each, difference in ((own, False), (of_uncertainty, True)):
@@ -99,7 +99,7 @@ class Figure:
         if self.provenance is not None and found is None:
             found = self.provenance.but(*_changed(before, self._numbers))
         elif found is not None and self.uncertainty is not None and of_uncertainty is None:
-            exact = not self.uncertainty and not found.measured  # a parameter of the plan is what it says
+            exact = not self.uncertainty and not found.measured  # a parameter of the plan is exact
             found = found if exact else found.but("its uncertainty was written by hand")
         if found is not None:
             value, uncertainty = self.value, self.uncertainty
@@ -162,7 +162,7 @@ class Figure:
         return self._made(self.value + constant, self.unit, [(1.0, self)], constant)
 
     def _changed(self, other: Figure) -> str:
-        """Return the unit of a temperature that a difference is added to or taken off, empty where it is none."""
+        """Return the unit of a temperature changed by a difference, empty in other cases."""
         return self.unit if self.unit in TEMPERATURES and other.unit in _DIFFERENCES else ""
 
     def _common(self, other: Figure) -> str:
@@ -175,7 +175,7 @@ class Figure:
         poor = (FigureStatus.MODEL_REJECTED, FigureStatus.NOT_OBSERVABLE, FigureStatus.UPPER_LIMIT)
         status = next((each for each in poor if each in statuses), FigureStatus.MEASURED)
         if status is FigureStatus.UPPER_LIMIT:
-            status = FigureStatus.NOT_OBSERVABLE  # what bounds one figure from above need not bound another so
+            status = FigureStatus.NOT_OBSERVABLE  # an upper limit need not be one after arithmetic
         uncertainty, dof = _propagated(parts)
         made = Figure(value=value, unit=unit, uncertainty=uncertainty, dof=dof, status=status)
         found = merged(*(_of_operand(figure) for _, figure in parts), getattr(written, "provenance", None))
@@ -211,14 +211,14 @@ def _share_instrument(one: Figure, other: Figure) -> bool:
 
 
 def effective_dof(parts: Iterable[tuple[float, float]]) -> float:
-    """Return the effective degrees of freedom of a sum of variances (Welch and Satterthwaite; GUM G.2b).
+    """Return the effective degrees of freedom of a sum of variances (Welch-Satterthwaite; GUM G.2b).
 
     Args:
         parts: pairs of variance and its degrees of freedom; all variances in one unit.
     """
     pairs = list(parts)
     total = sum(variance for variance, _ in pairs)
-    # Shares of the total, because squares of small variances would be lost below the smallest number.
+    # Shares of the total, because squares of small variances would underflow.
     spread = sum((variance / total) ** 2 / dof for variance, dof in pairs) if total > 0 else 0.0
     return 1.0 / spread if spread > 0 else math.inf
 
@@ -250,7 +250,7 @@ def _different(one: Issued, other: Issued) -> list[str]:
 
 
 def _changed(before: Issued | None, now: Issued) -> list[str]:
-    """Return a sentence for each number that is not the one that was issued."""
+    """Return a sentence for each number that differs from the issued one."""
     if before is None:
         return ["its value was written by hand"]
     return [f"its {name} replaced by hand" for name in _different(before, now)]
@@ -261,7 +261,7 @@ def _plain(number: float | None) -> float | None:
 
 
 def encoded(value: object) -> object:
-    """Return a value as JSON: figures become mappings, tuples lists, NumPy's numbers plain ones, NaN and inf None."""
+    """Encode a value for JSON: figures as mappings, tuples as lists, NumPy numbers as plain, NaN and inf as None."""
     if isinstance(value, Figure):
         return {
             "value": encoded(value.value),
@@ -286,7 +286,7 @@ def _number(value: Real) -> int | float | None:
 
 
 def decoded(value: object) -> object:
-    """Return what `encoded` was given, as far as a case can tell."""
+    """Decode what `encoded` returned, to a value equivalent for a case."""
     if isinstance(value, Mapping) and set(value) == {"value", "unit", "uncertainty", "dof", "status"}:
         return Figure(
             value=math.nan if value["value"] is None else float(value["value"]),

@@ -1,4 +1,4 @@
-"""Who is who: instruments and the device under test."""
+"""Identities of instruments and of the device under test."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from hil.model.notation import AnyText, Flag, Text, matching
 __all__ = ["DATE", "Day", "Dut", "Identity", "Model", "Purpose", "Source", "UnitEvent", "UnitEventKind"]
 
 DATE = r"\d{4}-(0[1-9]|1[0-2])-(0[1-9]|[12]\d|3[01])"
-"""A day as files write it, ISO 8601; every month may have 31 days here."""
+"""Pattern of an ISO 8601 date; it allows 31 days in every month."""
 
 Day = Annotated[str, matching(DATE, "a date such as 2027-09-30")]
 """A day of UTC, ISO 8601."""
 
 
 class Source(StrEnum):
-    """Where bytes come from; declared from strongest to weakest evidence."""
+    """Source of bytes, declared from strongest to weakest evidence."""
 
     HARDWARE = "hardware"
     SIMULATED = "simulated"
@@ -27,7 +27,7 @@ class Source(StrEnum):
 
 
 class Purpose(StrEnum):
-    """Why a run is made; only the last two can close a requirement."""
+    """Purpose of a run; only the last two can close a requirement."""
 
     DEVELOPMENT = "development"
     COMMISSIONING = "commissioning"
@@ -41,7 +41,7 @@ class Purpose(StrEnum):
 
 
 class Model(StrEnum):
-    """Which model of its kind a DUT is: engineering, qualification or flight model."""
+    """Model of a DUT: engineering, qualification or flight model."""
 
     EM = "EM"
     QM = "QM"
@@ -49,14 +49,14 @@ class Model(StrEnum):
 
 
 _MARK = "SIM"
-"""How the firmware of a simulated instrument begins; its serial number does with `SIM-`."""
+"""Prefix of a simulated instrument's firmware; its serial number has `SIM-`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Identity:
-    """What an instrument says of itself; an empty string if it does not say.
+    """Identity reported by an instrument; empty strings for anything not reported.
 
-    A simulated one says so: its serial number begins with `SIM-`, its firmware with `SIM`, or it says SIMULATED.
+    A simulated one is marked: its serial number begins with `SIM-`, its firmware with `SIM`, or it reports SIMULATED.
     """
 
     manufacturer: AnyText = ""
@@ -70,14 +70,14 @@ class Identity:
 
     @property
     def simulated(self) -> bool:
-        """Whether it says that it is simulated."""
+        """Whether it is marked as simulated."""
         words = (self.manufacturer, self.model, self.serial)
         named = any("SIMULATED" in word.upper() for word in words)
         return named or self.serial.startswith(f"{_MARK}-") or self._firmware_is_mark
 
     @property
     def unmarked(self) -> Identity:
-        """What it would say if it were not simulated, as far as it is compared with what a bench file expects."""
+        """The identity without its simulation mark, for comparison with a bench file."""
         firmware = "" if self._firmware_is_mark else self.firmware
         return replace(self, serial=self.serial.removeprefix(f"{_MARK}-"), firmware=firmware)
 
@@ -87,7 +87,7 @@ class Identity:
 
 
 class UnitEventKind(StrEnum):
-    """What was done to a unit under test, or what happened to it."""
+    """Kind of event in the history of a unit under test."""
 
     REPAIR = "repair"
     REWORK = "rework"
@@ -106,12 +106,12 @@ class UnitEvent:
     """One entry in the history of a unit under test.
 
     Attributes:
-        kind: what it was.
-        date: the day of UTC on which it happened, or began.
-        until: the day on which it ended, empty if that is the same day.
+        kind: kind of event.
+        date: UTC date on which it happened, or began.
+        until: date on which it ended, empty if the same day.
         text: what was done and why.
-        reference: the record that says so: a nonconformance report, a work order, a minute.
-        reverify: whether evidence from before it has to be obtained again.
+        reference: the supporting record: a nonconformance report, a work order, a minute.
+        reverify: whether it invalidates earlier evidence.
     """
 
     kind: UnitEventKind
@@ -123,7 +123,7 @@ class UnitEvent:
 
     @property
     def last(self) -> str:
-        """The last day of it."""
+        """The last day of the event."""
         return self.until or self.date
 
 
@@ -139,8 +139,8 @@ class Dut:
         firmware: firmware revision, empty if it has none.
         title: what it is, in words.
         simulated: whether it exists in simulated benches only.
-        recognised: per device of the bench, what must be read there for this DUT to be the one.
-        events: what has been done to it, in the order of the file.
+        recognised: per device of the bench, the expected reading that identifies this DUT.
+        events: its history, in the order of the file.
     """
 
     serial: Annotated[

@@ -1,8 +1,8 @@
-"""How values are written in the files of a workspace, as the field types of declared models.
+"""Notations of values in the files of a workspace, as the field types of declared models.
 
-A model is a frozen dataclass (or a pydantic model) whose fields say by their type how they are written: `Number` is a
-decimal number in quotes, `Seconds` a duration such as `10 ms`. `hil.documents.declared` reads files into such models.
-The types need no validation library: what drives and guards a bench uses the same models without loading one.
+A model is a frozen dataclass (or a pydantic model) whose field types define their notation: `Number` is a decimal
+number in quotes, `Seconds` a duration such as `10 ms`. `hil.documents.declared` reads files into such models. The
+types need no validation library, so the code that drives and guards a bench uses the same models without loading one.
 
     @dataclass(frozen=True, kw_only=True)
     class Heater:
@@ -58,13 +58,13 @@ Path = tuple[str | int, ...]
 """Where a value stands in a document: keys and list positions from its root."""
 
 UNREADABLE = "\0"
-"""Stands for a value that cannot be read; no file can hold it. Every notation reads it as its blank value."""
+"""Placeholder for an unreadable value; no file can contain it. Every notation reads it as its blank value."""
 
 NAMED = {"alias": "\0name"}
-"""Metadata of the field that holds the name of an entry, for `ByName`: the name stands before the entry, not in it."""
+"""Metadata of the field for an entry's name, for `ByName`: the name is the entry's key, not part of it."""
 
 UNWRITTEN = {"alias": "\0"}
-"""Metadata of a field that no file gives: the code that reads the file fills it in."""
+"""Metadata of a field that is never in a file, but filled in by the code that reads it."""
 
 _Real = TypeVar("_Real", int, float)
 
@@ -94,14 +94,14 @@ _HERTZ = {
 
 
 class Complaint(ValueError):
-    """What is wrong with a value, in words that follow its name: `must be text`.
+    """An invalid value, with a message that follows the key's name: `must be text`.
 
     Args:
-        expected: the words.
-        quote: whether writing the value in quotes would fix it.
-        found: whether the words are followed by what was found.
-        known: what the value may be; the nearest of them is suggested.
-        inner: complaints about parts of the value, by their path below it; the words are empty then.
+        expected: the message.
+        quote: whether quoting the value would fix it.
+        found: whether the value found is appended to the message.
+        known: the valid values, of which the nearest is suggested.
+        inner: complaints about parts of the value, by their path below it; the message is then empty.
     """
 
     def __init__(
@@ -123,19 +123,19 @@ class Complaint(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Notation:
-    """How one kind of value is written: the annotation of a field.
+    """Notation of one kind of value: the annotation of a field.
 
     Attributes:
         read: returns the value of what a file holds there (text, whole number, flag, list or mapping), or raises
             `Complaint`, or any other ValueError with words that follow the key's name.
-        blank: takes the place of a value that cannot be read, so that everything else can still be checked.
+        blank: replaces an unreadable value, so that everything else can still be checked.
     """
 
     read: Callable[[object], object]
     blank: object
 
     def __get_pydantic_core_schema__(self, source: object, handler: Callable[[object], object]) -> dict[str, object]:
-        # A file gives the value as it is written, code gives it as it is.
+        # Files provide the written form, code the value itself.
         written = {"type": "function-plain", "function": {"type": "no-info", "function": self._value}}
         return {"type": "json-or-python", "json_schema": written, "python_schema": handler(source)}
 
@@ -144,7 +144,7 @@ class Notation:
 
 
 class ByName:
-    """Reads a mapping of names to entries into a tuple of them; a field of each has metadata `NAMED`."""
+    """Reads a mapping of names to entries into a tuple of entries, each with a field of metadata `NAMED`."""
 
     def __get_pydantic_core_schema__(self, source: object, handler: Any) -> dict[str, object]:  # noqa: ANN401 - pydantic's
         entries = handler.generate_schema(dict[str, get_args(source)[0]])  # type: ignore[misc]  # known at run time
@@ -160,7 +160,7 @@ def _name_of(entry: type[Any]) -> str:
 
 
 def matching(pattern: str, words: str) -> Notation:
-    """Return the notation of a text, the whole of which matches a pattern; `words` say what it must be: `a date`."""
+    """Return the notation of a text that matches a whole pattern; `words` describe it, such as `a date`."""
     return Notation(partial(_text, pattern=pattern, words=words), "")
 
 
@@ -170,7 +170,7 @@ def slug(mark: str) -> Notation:
 
 
 def one_of(*choices: str, blank: str = "") -> Notation:
-    """Return the notation of a text that is one of a few, such as some members of an enumeration of words."""
+    """Return the notation of a choice between texts, such as members of an enumeration."""
     return Notation(partial(_text, choices=choices), blank)
 
 
@@ -182,7 +182,7 @@ def measured(
     above: float = -math.inf,
     choices: Sequence[float] = (),
 ) -> Notation:
-    """Return the notation of a number with or without its unit, `5.5` or `5.5 V`, within bounds or one of a few."""
+    """Return the notation of a number with optional unit, `5.5` or `5.5 V`, within bounds or from `choices`."""
     bounds = (minimum, maximum, above)
     return Notation(partial(_measured, unit=unit, bounds=bounds, choices=choices), max(0.0, minimum))
 
@@ -198,13 +198,13 @@ def seconds(minimum: float = 0.0, *, above: float = -math.inf) -> Notation:
 
 
 def vector(size: int, *, minimum: float = -math.inf, above: float = -math.inf, rising: bool = False) -> Notation:
-    """Return the notation of a list of so many decimal numbers in quotes, within bounds, or each above the last."""
+    """Return the notation of a list of `size` quoted decimal numbers, within bounds, ascending if `rising`."""
     each = partial(read_number, minimum=minimum, above=above)
     return Notation(partial(_vector, size=size, each=each, rising=rising), (0.0,) * size)
 
 
 def whole(minimum: int | None = None, maximum: int | None = None) -> Notation:
-    """Return the notation of a whole number, decimal or with 0x, in quotes or not."""
+    """Return the notation of an integer, decimal or with 0x, quoted or not."""
     return Notation(partial(_whole, minimum=minimum, maximum=maximum), minimum or 0)
 
 
@@ -240,10 +240,10 @@ def _decimal(value: object) -> str:
 def read_number(
     value: object, minimum: float = -math.inf, maximum: float = math.inf, above: float = -math.inf
 ) -> float:
-    """Return the value of a decimal number that was written in quotes.
+    """Parse a quoted decimal number.
 
     Raises:
-        Complaint: where it is none, or outside of the bounds.
+        Complaint: it is not a number, or outside the bounds.
     """
     return _within(float(_decimal(value)), minimum, maximum, above)
 
@@ -358,10 +358,10 @@ def _not_plain(value: object, path: Path) -> list[tuple[Path, Complaint]]:
 
 
 Text = Annotated[str, Notation(_filled_text, "")]
-"""A text that says something."""
+"""A non-blank text."""
 
 AnyText = Annotated[str, Notation(_text, "")]
-"""A text, which may be empty."""
+"""A text, possibly empty."""
 
 Number = Annotated[float, Notation(read_number, 0.0)]
 """The value of a decimal number in quotes."""
@@ -373,7 +373,7 @@ NotNegative = Annotated[float, number(0)]
 """A decimal number in quotes, zero or more."""
 
 DecimalText = Annotated[str, Notation(_decimal, "0")]
-"""A decimal number in quotes, as it is written."""
+"""A decimal number in quotes, kept as text."""
 
 Flag = Annotated[bool, Notation(_flag, False)]
 """An unquoted true or false."""
@@ -385,10 +385,10 @@ Nanoseconds = Annotated[int, Notation(_nanoseconds, 0)]
 """Whole nanoseconds, written like seconds."""
 
 SomeNanoseconds = Annotated[int, Notation(partial(_nanoseconds, minimum=1), 1)]
-"""Whole nanoseconds, one at least."""
+"""Whole nanoseconds, at least one."""
 
 Hertz = Annotated[float, Notation(_hertz, 1.0)]
 """Hertz, written as `100 Hz`, `400 kHz`."""
 
 Plain = Annotated[object, Notation(_plain, "")]
-"""Texts and flags, in lists and mappings; numbers are texts, in quotes. The owner of the part parses it further."""
+"""Texts and flags, nested in lists and mappings; numbers are quoted texts. The owner of the part parses it further."""

@@ -1,4 +1,4 @@
-"""Where a value comes from: what was read, recorded or answered, and what became of it on the way."""
+"""Provenance of a value: what was read, recorded or answered, and how it was processed."""
 
 from __future__ import annotations
 
@@ -41,11 +41,11 @@ TEMPERATURES = frozenset({"degC", "°C", "degreeC"})
 
 @dataclass(frozen=True, slots=True)
 class RecordedUnit:
-    """The unit that values were recorded in, which they keep while numbers are only added or subtracted.
+    """The unit in which values were recorded, valid while numbers are only added or subtracted.
 
     Attributes:
         text: the unit.
-        same: whether numbers in one unit mean the same in another; the third argument says that they are differences.
+        same: returns whether two units are equivalent; its third argument is true for differences.
         difference: whether something was added or subtracted, so that degC may have become K.
     """
 
@@ -54,14 +54,14 @@ class RecordedUnit:
     difference: bool = False
 
     def require(self, stated: str, *, difference: bool = False) -> None:
-        """Refuse another unit for these values.
+        """Refuse a different unit for these values.
 
         Args:
-            stated: what the plan calls their unit.
-            difference: whether only their differences count.
+            stated: the unit stated by the plan.
+            difference: whether only their differences matter.
 
         Raises:
-            Misused: if it is not the unit that they were recorded in.
+            Misused: if it is not the unit in which they were recorded.
         """
         if not self.same(self.text, stated, difference or self.difference):
             known = f"{self.text}, or K if it is a difference" if self.text in TEMPERATURES else self.text
@@ -73,20 +73,20 @@ class RecordedUnit:
 
 @dataclass(frozen=True, slots=True)
 class Provenance:
-    """What a value comes from.
+    """Provenance of a value.
 
-    The executive gives it to readings, recordings and answers; functions of `hil.analysis` hand it on.
+    The executive assigns it to readings, recordings and answers; functions of `hil.analysis` propagate it.
 
     Attributes:
         instruments: names of the instruments that were read.
         sources: what was read, recorded, answered or given, such as `supply.load.current`.
-        by: what became of it, such as `resistance`.
-        unproven: why it proves nothing, a sentence each.
-        uncovered: what no certificate covers, a sentence each.
-        doubts: why the data cannot be trusted, a sentence each; a check of them is INCONCLUSIVE.
-        numbers: those that the plan wrote and computed with, at most `MOST_NUMBERS`.
-        issued: the numbers of the figure that it was issued for; a changed copy of that figure has others.
-        recorded: the unit of the samples and numbers of a recording, None if it is not known (any more).
+        by: processing steps, such as `resistance`.
+        unproven: why it proves nothing, one sentence each.
+        uncovered: what no certificate covers, one sentence each.
+        doubts: why the data cannot be trusted, one sentence each; a check of them is INCONCLUSIVE.
+        numbers: the plan's own numbers in the computation, at most `MOST_NUMBERS`.
+        issued: the numbers of the figure that it was issued for; a modified copy of that figure has others.
+        recorded: the unit of the samples and numbers of a recording, None if not or no longer known.
     """
 
     instruments: tuple[str, ...] = ()
@@ -101,25 +101,25 @@ class Provenance:
 
     @property
     def measured(self) -> bool:
-        """Whether an instrument or a person found something out."""
+        """Whether it includes an observation by an instrument or a person."""
         return bool(self.instruments) or any(source.startswith(_ANSWER) for source in self.sources)
 
     def through(self, name: str) -> Provenance:
-        """Return the provenance of what a function of this name made of it."""
+        """Return the provenance of the result of a function of this name."""
         return self if name in self.by else replace(self, by=(*self.by, name))
 
     def without_unit(self) -> Provenance:
-        """Return the provenance of what may be in any unit: a product, or what a function made."""
+        """Return the provenance of a result in an unknown unit, such as a product."""
         return self if self.recorded is None else replace(self, recorded=None)
 
     def of_difference(self) -> Provenance:
-        """Return the provenance of what something was added to or subtracted from."""
+        """Return the provenance of the result of an addition or subtraction."""
         if self.recorded is None or self.recorded.difference:
             return self
         return replace(self, recorded=replace(self.recorded, difference=True))
 
     def with_number(self, number: float) -> Provenance:
-        """Return the provenance of what was computed with a number that the plan wrote."""
+        """Return the provenance of a computation with one of the plan's own numbers."""
         if not number or number in self.numbers or math.isnan(number):
             return self
         if len(self.numbers) == MOST_NUMBERS:
@@ -127,7 +127,7 @@ class Provenance:
         return replace(self, numbers=(*self.numbers, float(number)))
 
     def with_numbers(self, *operands: object) -> Provenance:
-        """Return the provenance of what was computed with these, of which those without provenance count."""
+        """Return the provenance of a computation with these operands, adding those without provenance."""
         made = self
         for each in operands:
             if isinstance(each, Real) and not hasattr(each, "provenance"):
@@ -136,7 +136,7 @@ class Provenance:
 
     @property
     def told(self) -> tuple[str, ...]:
-        """What was read, what became of it, and which numbers of the plan took part, as a check tells it."""
+        """Sources, processing and numbers of the plan, as reported with a check."""
         if not self.numbers:
             return (*self.sources, *self.by)
         named = ", ".join(f"{each:.12g}" for each in self.numbers[:_MOST_TOLD])
@@ -155,12 +155,12 @@ _TOO_MANY = f"it was computed with more than {MOST_NUMBERS} different numbers of
 
 
 def answer_to(question: str) -> str:
-    """Return how a person's answer is called among sources."""
+    """Return the source name of a person's answer."""
     return f"{_ANSWER}{question}"
 
 
 def merged(*several: Provenance | None) -> Provenance | None:
-    """Return the provenance of what was made of several things, None if none of them has one."""
+    """Return the combined provenance of several things, None if none has one."""
     found: Provenance | None = None
     for each in several:
         if each is not None and each is not found:
@@ -185,7 +185,7 @@ def _both(one: Provenance, other: Provenance) -> Provenance:
 
 
 def _common_unit(one: Provenance, other: Provenance) -> RecordedUnit | None:
-    """Return the unit of what was recorded in one unit; parameters of the plan are in whatever it takes them for."""
+    """Return the common recorded unit of two, if any; the plan's parameters adapt to any unit."""
     first, second = one.recorded, other.recorded
     if first is None or second is None:
         known, unknown = (second, one) if first is None else (first, other)
@@ -207,7 +207,7 @@ _LIBRARY = _Library()
 
 
 class within_library:  # noqa: N801 - used as a statement
-    """While it lasts numbers and arrays compute as plain ones: the library's function says where its result is from."""
+    """Context in which numbers and arrays are plain: the library function itself assigns the result's provenance."""
 
     def __enter__(self) -> Self:
         _LIBRARY.depth += 1
@@ -220,7 +220,7 @@ class within_library:  # noqa: N801 - used as a statement
 
     @staticmethod
     def active() -> bool:
-        """Return whether a function of the library runs in this thread."""
+        """Return whether a library function is running in this thread."""
         return _LIBRARY.depth > 0
 
 
@@ -255,7 +255,7 @@ def _arithmetic(name: str) -> Callable[..., Any]:
 
 
 class Number(float):
-    """A number that a recording or the library gave, with its provenance; sums, products and the like keep it."""
+    """A number from a recording or the library, with a provenance that arithmetic preserves."""
 
     __slots__ = ("provenance",)
 
@@ -282,7 +282,7 @@ class Number(float):
 
 
 class Count(int):
-    """A whole number with its provenance; what is computed with it is a bare number."""
+    """An integer with its provenance; results of arithmetic are bare numbers."""
 
     provenance: Provenance
 
@@ -297,7 +297,7 @@ class Count(int):
 
 
 class Word(str):
-    """A word that somebody chose or a device said, with its provenance."""
+    """A text chosen by a person or reported by a device, with its provenance."""
 
     __slots__ = ("provenance",)
 
@@ -317,12 +317,12 @@ _PLAIN = frozenset({float, int, str, bool, bytes, type(None)})
 
 
 def provenance_of(*things: object) -> Provenance | None:
-    """Return the provenance of all that lies in these things, however deep in lists, mappings and dataclasses."""
+    """Return the combined provenance of everything in these things, nested in lists, mappings and dataclasses."""
     return merged(*provenances_in(*things))
 
 
 def provenances_in(*things: object) -> tuple[Provenance, ...]:
-    """Return every provenance that lies in these things, each once."""
+    """Return every provenance in these things, without duplicates."""
     objects = {id(each): each for each in _found(things)}  # the samples of a list share one, which is slow to hash
     return tuple(dict.fromkeys(objects.values()))
 
@@ -352,9 +352,9 @@ def stamped(thing: Any, provenance: Provenance, arrays: Callable[[Any, Provenanc
     """Return a copy of a result in which every number, word, figure and array has this provenance.
 
     Args:
-        thing: what a role or a function of the library returned.
-        provenance: of all that is in it.
-        arrays: stamps what is none of these; such things stay as they are without it.
+        thing: the result of a role or a library function.
+        provenance: provenance of everything in it.
+        arrays: stamps other objects; without it they are left unchanged.
     """
     kind = type(thing)
     made = thing

@@ -1,4 +1,4 @@
-"""How outputs are made safe with nothing but bytes: what the guardian is given, as data."""
+"""The guardian's plan as data: how bytes alone make each output safe."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ __all__ = ["CutOutput", "Exchange", "GuardPlan", "GuardedOutput", "GuardedPort",
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Exchange:
-    """Bytes for one instrument, and the reply that shows they were taken.
+    """Bytes for one instrument, and the reply that acknowledges them.
 
     Attributes:
-        send: the bytes; empty if only silence or a reply is waited for.
-        expect: a regular expression over bytes, of which the reply must hold a match (`re.search`, DOTALL); empty
-            where no reply comes.
-        within_s: how long the reply may take [s].
-        quiet_s: how long the line must have been silent before the bytes are sent [s].
-        between: the least and the most that the number in the first group of `expect` may be; None if the match
-            alone says it all.
+        send: the bytes; empty to only wait for silence or a reply.
+        expect: a regular expression over bytes that the reply must contain (`re.search`, DOTALL); empty if there is
+            no reply.
+        within_s: reply timeout [s].
+        quiet_s: silence required on the line before the bytes are sent [s].
+        between: bounds of the number in the first group of `expect`; None if the match alone
+            suffices.
     """
 
     send: bytes
@@ -33,18 +33,18 @@ class Exchange:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SafeBytes:
-    """How to bring one output to one safe state, by bytes alone, whatever the line was in the middle of.
+    """Bytes that bring one output to one safe state, from any state of the line.
 
     Attributes:
-        resync: ends what another process may have left half sent on the line; what is heard in this time is discarded.
-        off: the commands; each may be sent again, and sending one to an output that is safe already does no harm.
-        proof: asks whether it is safe; sends nothing that changes anything. Its questions go out one at a time.
-        owed_s: how long a reply may be on its way [s], the instrument's limit. Nobody knows what was asked before, so
-            a proof begins once the line has been silent for so long; 0 where no reply can be taken for another's.
-        talks: whether the instrument talks unasked, so that its silence cannot be waited for; then `owed_s` counts from
-            the last question.
-        who: asks who the instrument is; None where its protocol has no question for that. What is replied in the drill
-            is compared with what answers when a port of a network is reopened: the groups of its pattern, or all of it.
+        resync: terminates a partial line left by another process; bytes received meanwhile are discarded.
+        off: the commands; all are idempotent and may be repeated.
+        proof: queries whether the output is safe, without changing anything, one at a time.
+        owed_s: longest delay of a reply [s], by the instrument's limit. Earlier queries are unknown, so a proof begins
+            only after this much silence; 0 if replies cannot be confused.
+        talks: whether the instrument sends unsolicited bytes, so that silence cannot be awaited; `owed_s` then counts
+            from the last query.
+        who: queries the instrument's identity; None if its protocol cannot. The reply in the drill is compared with
+            that of a reopened network port: the groups of its pattern, or the whole.
     """
 
     resync: tuple[Exchange, ...] = ()
@@ -57,7 +57,7 @@ class SafeBytes:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GuardedPort:
-    """One instrument's port, and how to reopen it if the descriptor that was passed is dead.
+    """One instrument's port, and how to reopen it if the descriptor passed is dead.
 
     Attributes:
         device: the instrument's name.
@@ -103,7 +103,7 @@ class GuardedOutput:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CutOutput:
-    """An output to which no bytes lead: it is safe while another one, which cuts it off, is proven safe.
+    """An output that bytes cannot reach: it is safe while another output, which cuts it off, is proven safe.
 
     Attributes:
         output: dotted name of the role instance.
@@ -118,7 +118,7 @@ class CutOutput:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GuardPlan:
-    """All that the guardian of one run knows.
+    """Everything that the guardian of one run needs.
 
     Attributes:
         bench: the bench's name.
@@ -126,9 +126,9 @@ class GuardPlan:
         ports: in any order; the descriptors are passed beside.
         outputs: in the order of the safe-off.
         cut: outputs to which no bytes lead.
-        hang_s: how long the heartbeat may be silent [s].
+        hang_s: heartbeat timeout [s].
         latches: files that latch the bench, one per instrument that the run leased.
-        journal: the file in which the guardian writes down what it did.
+        journal: the guardian's log file.
     """
 
     bench: str

@@ -1,4 +1,4 @@
-"""How a serial line is set: what `serial_line` of an instrument says, as the executive and the guardian apply it."""
+"""Settings of a serial line: an instrument's `serial_line`, applied by executive and guardian."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Flow = Literal["none", "rts/cts", "xon/xoff"]
 
 
 def _flow(value: object) -> object:
-    """Read a flow control; the one that Linux does not have is refused with the way around it."""
+    """Parse a flow control; one that Linux lacks is refused with a workaround."""
     if value == "dsr/dtr":
         words = "cannot be dsr/dtr, which Linux does not have: wire the instrument's DTR to CTS, and write rts/cts"
         raise Complaint(words, found=False)
@@ -24,13 +24,13 @@ def _flow(value: object) -> object:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rs485:
-    """How the kernel switches an RS-485 driver by RTS; a converter that finds the direction itself needs none of this.
+    """RS-485 direction control by RTS in the kernel; converters with automatic direction control do not need it.
 
     Attributes:
-        rts_on_send: the level of RTS while the computer sends; the other one while it listens.
-        before_s: from RTS to the first bit [s]; the kernel counts in milliseconds.
-        after_s: from the last bit to RTS [s].
-        hears_itself: whether the receiver stays on while the computer sends.
+        rts_on_send: RTS level while transmitting; inverted while receiving.
+        before_s: delay from RTS to the first bit [s]; the kernel's resolution is 1 ms.
+        after_s: delay from the last bit to RTS [s].
+        hears_itself: whether the receiver stays enabled while transmitting.
     """
 
     rts_on_send: Flag = True
@@ -41,14 +41,14 @@ class Rs485:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SerialLine:
-    """The frame of a character, and who may send when: 8N1 without flow control where nothing else is said.
+    """Character frame and flow control: 8N1 without flow control by default.
 
     Attributes:
-        parity: of a character.
-        data_bits: of a character.
-        stop_bits: of a character; UARTs have 1.5 with 5 data bits only.
-        flow: what holds the other side back.
-        rs485: of a line with two wires, whose direction this computer switches.
+        parity: parity bit.
+        data_bits: number of data bits.
+        stop_bits: number of stop bits; UARTs support 1.5 only with 5 data bits.
+        flow: flow control.
+        rs485: settings of a two-wire line whose direction this computer switches.
     """
 
     parity: Annotated[Parity, one_of("none", "even", "odd", "mark", "space", blank="none")] = "none"

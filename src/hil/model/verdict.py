@@ -1,4 +1,4 @@
-"""Verdicts, and which of two is worse."""
+"""Verdicts and their order of severity."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from enum import StrEnum
 __all__ = ["NO_CHECK", "Verdict", "worst"]
 
 NO_CHECK = " got no check of "
-"""Stands in a reason between a requirement and its parameters that nobody checked."""
+"""Text in a reason between a requirement and its unchecked parameters."""
 
 
 class Verdict(StrEnum):
-    """What a check, a case or a requirement ended in; declared from best to worst."""
+    """Verdict of a check, a case or a requirement; declared from best to worst."""
 
     RECORDED = "RECORDED"
     PASS = "PASS"  # noqa: S105 - a verdict, not a password
@@ -33,5 +33,5 @@ _SEVERITY = {verdict: rank for rank, verdict in enumerate(Verdict)}
 
 
 def worst(verdicts: Iterable[Verdict]) -> Verdict:
-    """Return the worst of the verdicts; nothing at all is NOT_EVALUATED, never a pass."""
+    """Return the worst of the verdicts; without any it is NOT_EVALUATED, never a pass."""
     return max(verdicts, key=_SEVERITY.__getitem__, default=Verdict.NOT_EVALUATED)
