@@ -1,1 +1,1 @@
-"""Simulated benches: plants with their truth, and peers that speak the real protocols."""
+"""Simulated benches: plants with a known truth, and peers that speak the real protocols."""

@@ -1,4 +1,4 @@
-"""What goes wrong with peers, and when: the `faults` of a bench file. Each kind is a class with its parameters."""
+"""Fault injection into peers: the `faults` of a bench file. Each kind is a class with its parameters."""
 
 from __future__ import annotations
 
@@ -32,19 +32,19 @@ _FOREVER = 2**63
 _FAULT = TypeVar("_FAULT", bound="Fault")
 
 Share = Annotated[float, number(0, 1)]
-"""A part of a whole, from 0 to 1."""
+"""A fraction from 0 to 1."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fault:
-    """One thing that goes wrong from one instant of the bench's clock to another. Each kind is a class of its own.
+    """An injected fault with its time window on the bench's clock. Each kind is a class of its own.
 
-    The fields of a kind are its parameters; `hil.model.notation` says how a bench file writes them.
+    The fields of a kind are its parameters, written in bench files as in `hil.model.notation`.
 
     Attributes:
-        name: of the kind, what bench files call it.
-        start_ns: first instant, counted from the epoch.
-        end_ns: first instant at which it is over.
+        name: name of the kind in bench files.
+        start_ns: start of the fault, counted from the epoch.
+        end_ns: first instant after the fault.
     """
 
     name: ClassVar[str] = ""
@@ -54,41 +54,41 @@ class Fault:
     end_ns: Nanoseconds = field(default=_FOREVER, metadata={"alias": "until"})
 
     def holds(self, now_ns: int) -> bool:
-        """Return whether it is wrong at that instant."""
+        """Return whether the fault is active at that instant."""
         return self.start_ns <= now_ns < self.end_ns
 
     def concerns(self, part: int) -> bool:
-        """Return whether it hits one of several alike: a channel, a contact, an address."""
+        """Return whether it affects this channel, contact or address."""
         del part
         return True
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinkFault(Fault):
-    """What can go wrong around any device on a link; entry points of the group `hil.faults` name such classes.
+    """A fault on the link of any device; entry points of the group `hil.faults` name such classes.
 
     Attributes:
-        links: where it can: `serial`, `bus`, or both.
-        cuts: whether nothing comes in or goes out while it holds; a bus device does not acknowledge.
+        links: kinds of links: `serial`, `bus`, or both.
+        cuts: whether the link is dead while it is active; a bus device does not acknowledge.
     """
 
     links: ClassVar[frozenset[str]] = frozenset()
     cuts: ClassVar[bool] = False
 
     def spoiled(self, data: bytes, noise: RandomStream, now_ns: int) -> bytes:
-        """Return what becomes of bytes that the device sends at this instant."""
+        """Return the corrupted bytes of a transmission at this instant."""
         del noise, now_ns
         return data
 
     @property
     def delay_ns(self) -> int:
-        """How much later its bytes leave, on a byte stream."""
+        """Added latency of the device's bytes, on a byte stream."""
         return 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Dead(LinkFault):
-    """Without power: nothing comes in and nothing goes out."""
+    """The device has no power: it neither receives nor sends."""
 
     name = "dead"
     links = frozenset({"bus", "serial"})
@@ -97,7 +97,7 @@ class Dead(LinkFault):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Garbled(LinkFault):
-    """One bit of some bytes is flipped; which ones depends on the instant and the place only."""
+    """One bit of some bytes is flipped, chosen by instant and position only."""
 
     name = "garbled"
     links = frozenset({"bus", "serial"})
@@ -105,7 +105,7 @@ class Garbled(LinkFault):
     share: Share = 1.0
 
     def spoiled(self, data: bytes, noise: RandomStream, now_ns: int) -> bytes:
-        """Flip a bit of a share of the bytes."""
+        """Flip one bit in a share of the bytes."""
         spoiled = bytearray(data)
         for place in range(len(data)):
             index = 2 * (now_ns + place)
@@ -116,7 +116,7 @@ class Garbled(LinkFault):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Late(LinkFault):
-    """Replies come later."""
+    """Replies are delayed."""
 
     name = "late"
     links = frozenset({"serial"})
@@ -125,13 +125,13 @@ class Late(LinkFault):
 
     @property
     def delay_ns(self) -> int:
-        """How much later."""
+        """The added latency."""
         return self.by_ns
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Partial(LinkFault):
-    """Only the first bytes of what is sent at once come through."""
+    """Each transmission is truncated to its first bytes."""
 
     name = "partial"
     links = frozenset({"serial"})
@@ -146,7 +146,7 @@ class Partial(LinkFault):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Chatty(LinkFault):
-    """Bytes come that nobody asked for, again and again."""
+    """Unsolicited bytes are sent repeatedly."""
 
     name = "chatty"
     links = frozenset({"serial"})
@@ -157,7 +157,7 @@ class Chatty(LinkFault):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Identity(Fault):
-    """Another instrument answers: it says that it is `value`."""
+    """Another instrument answers, with the identity `value`."""
 
     name = "identity"
 
@@ -166,14 +166,14 @@ class Identity(Fault):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stuck(Fault):
-    """What the device gives out does not change."""
+    """The device's output is frozen."""
 
     name = "stuck"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Saturated(Fault):
-    """Every axis of a sensor has more than it can measure: that much is added, in the sensor's unit."""
+    """Every axis of a sensor saturates: this much is added, in the sensor's unit."""
 
     name = "saturated"
 
@@ -182,7 +182,7 @@ class Saturated(Fault):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drifting(Fault):
-    """Every axis of a sensor drifts by that much more per kelvin from 25 degC, in the sensor's unit."""
+    """Every axis of a sensor drifts by this much more per kelvin from 25 degC, in the sensor's unit."""
 
     name = "drifting"
 
@@ -196,11 +196,11 @@ class Faults:
     faults: tuple[Fault, ...] = ()
 
     def of(self, kind: type[_FAULT]) -> tuple[_FAULT, ...]:
-        """Return the faults of a kind, whenever they hold."""
+        """Return the faults of a kind, active or not."""
         return tuple(fault for fault in self.faults if isinstance(fault, kind))
 
     def now(self, kind: type[_FAULT], now_ns: int, part: int | None = None) -> _FAULT | None:
-        """Return the first fault of a kind that holds, and that concerns a part where one is given."""
+        """Return the first active fault of a kind, if given for one part."""
         for fault in self.faults:
             if isinstance(fault, kind) and fault.holds(now_ns) and (part is None or fault.concerns(part)):
                 return fault
@@ -211,7 +211,7 @@ def read_faults(rows: Sequence[Mapping[str, object]], path: Path, kinds: Sequenc
     """Read the `faults` of a peer that knows these kinds.
 
     Raises:
-        TruthError: with everything that is wrong in the first row that has something wrong.
+        TruthError: with every error of the first row that has any.
     """
     return Faults(tuple(_read(row, (*path, place), kinds) for place, row in enumerate(rows)))
 

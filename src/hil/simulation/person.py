@@ -1,4 +1,4 @@
-"""The simulated person: hands that attach boards, and eyes that see a compass."""
+"""Simulated operator: attaches boards, and reads a compass and meters."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ _OUTWARD, _INWARD, _UNCLEAR = "outward", "inward", "unclear"
 _NONE = "none"
 _OF_HANDS = frozenset({"connect", "attach"})
 _COMPASS_THRESHOLD = 1.0
-"""Change of field [uT] that a phone's compass shows beyond doubt."""
+"""Change of field [uT] that a phone's compass shows clearly."""
 
 
 class Person:
     """Answers the operator's questions on a simulated bench.
 
     The bench file maps names of questions to `plant.point`. `connect` needs an input, `choose` and
-    `measure` need a signal. `confirm` is always yes: on a simulated bench there is nothing to be afraid of.
+    `measure` need a signal. `confirm` is always yes: a simulated bench has no hazards.
 
-    For a direction the person does what one does with a phone: notes the field without current, switches on,
-    and looks at the change along the outward normal. So the signal to map is what the coil adds along it
-    (`coil.outward`), without the Earth's field. From 1 uT on the change is plain; below, it is unclear.
+    A direction is read as with a phone: note the field without current, switch on, and observe the change
+    along the outward normal. So the signal to map is the coil's contribution along it (`coil.outward`),
+    without the Earth's field. From 1 uT the change is clear; below that it is unclear.
 
     Args:
         knows: question name to `plant.point`.
@@ -44,11 +44,11 @@ class Person:
         Args:
             form: `confirm`, `choose`, `measure` or `connect`; `attach` is what `connect` was called before.
             name: the question's name.
-            text: what the operator reads; the simulated one goes by name and options alone.
-            options: what can be answered; for `connect` the first is what is asked for.
+            text: the operator's prompt; the simulated operator uses only name and options.
+            options: the possible answers; for `connect` the first is the requested one.
 
         Raises:
-            Refused: if the person does not know, or what is known is not among the options.
+            Refused: if the answer is unknown, or not among the options.
         """
         del text
         match form:
@@ -68,14 +68,14 @@ class Person:
         )
 
     def act(self, form: str, name: str, said: str | float | bool) -> None:
-        """Do with the hands what somebody else answered.
+        """Carry out an answer given by someone else.
 
-        Only what is connected moves anything; nor does what the bench file does not map.
+        Only `connect` has an effect, and only where the bench file maps the question.
 
         Args:
             form: as of `answer`.
             name: the question's name.
-            said: the answer; for `connect` what is connected.
+            said: the answer; for `connect` the item connected.
 
         Raises:
             Refused: if the plant has no such thing.
@@ -84,7 +84,7 @@ class Person:
             self._connect(name, (str(said),))
 
     def _connect(self, name: str, options: Sequence[str]) -> str:
-        """Put in place what is asked for, the first option; `none` takes away what is there."""
+        """Connect the requested item, the first option; `none` disconnects the present one."""
         plant, point = self._point(name, "input")
         wanted = options[0] if options else ""
         value = "" if wanted == _NONE else wanted

@@ -1,4 +1,4 @@
-"""Truth sections of a bench file: what a simulated article really is, read strictly."""
+"""Truth sections of a bench file, the true properties of a simulated article, read strictly."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ _Model = TypeVar("_Model")
 
 
 class TruthError(ValueError):
-    """One thing that is wrong in the simulated part of a bench file.
+    """An error in the simulated part of a bench file.
 
     Args:
-        path: where it is, as keys and list positions below `simulated`.
-        message: what is wrong, in one sentence without a full stop.
-        others: more of the same section, so that all can be reported at once.
+        path: its location, as keys and list positions below `simulated`.
+        message: description, in one sentence without a full stop.
+        others: further errors of the same section, so that all can be reported at once.
     """
 
     def __init__(self, path: Path, message: str, others: tuple[TruthError, ...] = ()) -> None:
@@ -33,10 +33,10 @@ class TruthError(ValueError):
 
 
 class UnknownPlant(TruthError):
-    """A terminal, or what the person knows, names a plant that there is not.
+    """A terminal, or the simulated operator's knowledge, refers to an unknown plant.
 
     Attributes:
-        plant: its name; where that one has errors of its own, they alone are told.
+        plant: its name; if that plant has errors itself, only those are reported.
     """
 
     def __init__(self, path: Path, plant: str, known: Sequence[str]) -> None:
@@ -45,16 +45,16 @@ class UnknownPlant(TruthError):
 
 
 def declared(model: type[_Model], values: Mapping[str, object], what: str, path: Path) -> _Model:
-    """Return a section as its model declares it; see `hil.model.notation`.
+    """Parse a section into its model; see `hil.model.notation`.
 
     Args:
         model: a frozen dataclass.
         values: the section as read.
-        what: what it is, for messages.
-        path: where it stands.
+        what: name of the section, for messages.
+        path: its location.
 
     Raises:
-        TruthError: with everything that is wrong.
+        TruthError: with every error.
     """
     try:
         return validated(model, values, what, path)
@@ -63,18 +63,18 @@ def declared(model: type[_Model], values: Mapping[str, object], what: str, path:
 
 
 def suggestion(word: str, known: Sequence[str]) -> str:
-    """Return `, did you mean 'x'?` for the nearest known word, or what is known."""
+    """Return `, did you mean 'x'?` for the nearest known word, or the list of known words."""
     return did_you_mean(word, known) or (f"; known are {', '.join(sorted(known))}" if known else "")
 
 
 class Truth:
-    """One section. `part` and `wrong` note what is wrong and continue; `finish` raises all of it.
+    """One truth section. `part` and `wrong` collect errors; `finish` raises them all.
 
     Args:
         values: the section as read.
-        path: where it stands, for messages.
-        usual: what is as in the section around it, where this one does not say it.
-        errors: those of the section around it.
+        path: its location, for messages.
+        usual: defaults inherited from the enclosing section.
+        errors: error list of the enclosing section.
     """
 
     def __init__(
@@ -96,15 +96,15 @@ class Truth:
             self._errors.append(TruthError(path, f"must be a mapping, found {_described(values)}"))
 
     def part(self, model: type[_Model]) -> _Model:
-        """Return what a section says of one part, by the keys that its model declares; see `hil.model.notation`.
+        """Parse one part of a section, by the keys that its model declares; see `hil.model.notation`.
 
-        Every other key is for somebody else. What is wrong is noted, and is blank in what is returned.
+        Other keys are left to other readers. Invalid values are collected as errors, and blank in the result.
 
         Args:
             model: a frozen dataclass.
 
         Raises:
-            TruthError: if so much is wrong that nothing can be returned.
+            TruthError: if nothing usable can be returned.
         """
         keys = [str(each.metadata.get("alias", each.name)) for each in fields(model)]  # type: ignore[arg-type]  # one is
         self._asked += keys
@@ -118,7 +118,7 @@ class Truth:
             return error.repaired
 
     def sections(self, key: str) -> dict[str, Truth]:
-        """Return the named sections below a key, none where it is absent; what one of them leaves out is as here."""
+        """Return the named sections below a key, empty if it is absent; they inherit defaults from this section."""
         self._asked.append(key)
         value = self._values.get(key, {})
         if not isinstance(value, Mapping):
@@ -132,11 +132,11 @@ class Truth:
         return children
 
     def wrong(self, key: str, message: str) -> None:
-        """Note something wrong with a key that only its reader can see."""
+        """Add an error for a key that only its reader can detect."""
         self._errors.append(TruthError((*self.path, key), message))
 
     def finish(self) -> None:
-        """Refuse keys that nobody asked for.
+        """Refuse unknown keys.
 
         Raises:
             TruthError: if anything was wrong in this section or below.
@@ -147,13 +147,13 @@ class Truth:
             raise together(self._errors)
 
     def refuse_unknown(self) -> None:
-        """Note keys that nobody asked for; `finish` does so for the whole section."""
+        """Add errors for unknown keys; `finish` does so for the whole section."""
         for key in self._values:
             if key not in self._asked:
                 self.wrong(key, f"unknown key '{key}'{suggestion(str(key), self._asked)}")
 
     def _says(self, path: Path) -> bool:
-        """Return whether something wrong is of this section: what is usual is told where it stands."""
+        """Return whether an error belongs to this section: inherited defaults are reported where they are written."""
         return not self._usual or path[len(self.path) :][:1] in {(key,) for key in self._values}
 
 
@@ -162,7 +162,7 @@ def _described(value: object) -> str:
 
 
 def together(errors: Sequence[TruthError]) -> TruthError:
-    """Return the first of some errors, which carries the others."""
+    """Return the first of several errors, with the others attached."""
     first, *others = errors
     first.others = tuple(others)
     return first

@@ -1,4 +1,4 @@
-"""The world of one simulated bench: plants, peers, person, the clock that moves them, and the ends of its lines."""
+"""The world of one simulated bench: plants, peers, operator, their clock, and the far ends of its lines."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ __all__ = ["DeviceClock", "SimulatedEnds", "World", "build_world", "simulated_en
 
 
 class DeviceClock:
-    """The bench's clock as one peer sees it: its events come in the order of its place in the bench file.
+    """One peer's view of the bench's clock: simultaneous events follow the order of the bench file.
 
-    All functions are the clock's own; peers call them for every byte.
+    All functions are the clock's own, because peers call them for every byte.
 
     Args:
         clock: the bench's clock.
-        device: the peer's place in the bench file.
+        device: the peer's position in the bench file.
     """
 
     def __init__(self, clock: VirtualClock, device: int) -> None:
@@ -44,9 +44,9 @@ class DeviceClock:
 
 @dataclass(slots=True, kw_only=True)
 class World(Stateful):
-    """Everything that the ports of one simulated bench lead to.
+    """Everything behind the ports of one simulated bench.
 
-    Bus peers are attached to the clock already; a serial peer is attached together with its line, with
+    Bus peers are already attached to the clock; a serial peer is attached together with its line, using
     `clock_of(device)`.
 
     Attributes:
@@ -54,7 +54,7 @@ class World(Stateful):
         plants: physics by name.
         serial_peers: simulated instruments on byte streams, by device.
         bus_peers: simulated devices on I2C buses, by bus; those of a bus that an instrument serves are its peer's too.
-        devices: every device's place in the bench file, which orders events of one instant.
+        devices: every device's position in the bench file, which orders simultaneous events.
         person: the simulated operator.
     """
 
@@ -67,17 +67,17 @@ class World(Stateful):
     clock: Kept[VirtualClock]
 
     def clock_of(self, device: str) -> DeviceClock:
-        """Return the clock that a serial peer is attached with, beside its line."""
+        """Return the clock for attaching a serial peer, together with its line."""
         return DeviceClock(self.clock, self.devices[device])
 
 
 def build_world(
     spec: SimulatedBench, instruments: tuple[InstrumentSpec, ...], clock: VirtualClock, buses: tuple[Bus, ...] = ()
 ) -> World:
-    """Build the world of a bench on a clock that stands at the epoch.
+    """Build the world of a bench on a clock at the epoch.
 
-    An instrument without an entry under `peers` has no simulated end. Of `buses` those matter that an instrument
-    serves: its peer gets the devices on them.
+    An instrument without an entry under `peers` has no simulated end. Only `buses` served by an instrument matter:
+    its peer receives the devices on them.
 
     Raises:
         TruthError: with the first thing that is wrong in the simulated part of the bench file; `truth_errors`
@@ -93,14 +93,14 @@ def build_world(
 def truth_errors(
     spec: SimulatedBench, instruments: tuple[InstrumentSpec, ...], buses: tuple[Bus, ...] = ()
 ) -> tuple[TruthError, ...]:
-    """Return everything that is wrong in the simulated part of a bench file, in its order."""
+    """Return every error in the simulated part of a bench file, in order."""
     builder = _Builder(spec, instruments, VirtualClock(), buses)
     builder.build()
     return tuple(builder.errors)
 
 
 class _Builder:
-    """Builds section by section, and notes what is wrong instead of stopping."""
+    """Builds section by section, collecting errors instead of stopping."""
 
     def __init__(
         self,
@@ -124,7 +124,7 @@ class _Builder:
         self._person = Person({}, {})
 
     def build(self) -> None:
-        """Build plants, peers, and the person who knows the plants."""
+        """Build plants, peers, and the simulated operator."""
         for plant in self._spec.plants:
             self._guard(lambda plant=plant: self._build_plant(plant))  # type: ignore[misc]  # binds the loop's value
         for peer in self._spec.peers:
@@ -132,7 +132,7 @@ class _Builder:
         self._guard(self._build_person)
 
     def world(self) -> World:
-        """Return what was built, with plants and buses on the clock, and served buses at their instruments."""
+        """Return the world, with plants and buses on the clock, and served buses at their instruments."""
         for plant in self._plants.values():
             plant.follow(self._clock.now_ns)
         world = World(
@@ -159,7 +159,7 @@ class _Builder:
             self.errors += (one for one in (error, *error.others) if not self._follows(one))
 
     def _follows(self, error: TruthError) -> bool:
-        """Return whether an error only follows from one that was reported: a plant that could not be built."""
+        """Return whether an error is a consequence of a reported one: a plant that could not be built."""
         there = {plant.name for plant in self._spec.plants}
         return isinstance(error, UnknownPlant) and error.plant in there
 
@@ -194,7 +194,7 @@ class _Builder:
         self._place(model, setup)
 
     def _faults(self, spec: PeerSpec, model: PeerModel, path: Path) -> Faults:
-        """Return what goes wrong with a peer; what is wrong with that hides nothing else that is wrong with it."""
+        """Return a peer's faults; errors in them do not hide other errors of the peer."""
         try:
             return _faults(spec, model, path)
         except TruthError as error:
@@ -224,14 +224,14 @@ def _faults(spec: PeerSpec, model: PeerModel, path: Path) -> Faults:
     own = {kind.name for kind in kinds}
     for place, row in enumerate(spec.faults):
         name = str(row.get("kind", ""))
-        if name in FAULTS and name not in own:  # of another link, or one that cannot be used: the reason is reported
+        if name in FAULTS and name not in own:  # for another link, or unusable: the reason is reported
             offered(FAULTS, name, (*path, place, "kind"))
     return read_faults(spec.faults, path, kinds)
 
 
 @dataclass(frozen=True, slots=True)
 class SimulatedEnds(Stateful):
-    """The far ends of every port and bus of a simulated bench, and the world that they belong to."""
+    """The far ends of all ports and buses of a simulated bench, with their world."""
 
     world: Kept[World]
     lines: Kept[dict[str, SimulatedLine]]

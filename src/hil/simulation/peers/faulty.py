@@ -1,4 +1,4 @@
-"""Wrappers around any peer: what goes wrong on its link, whichever package the kind of fault is from."""
+"""Wrappers that inject link faults into any peer, whichever package the kind of fault is from."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ __all__ = ["FaultyBusPeer", "FaultySerialPeer"]
 
 
 class FaultySerialPeer(Stateful):
-    """A peer on a byte stream with what goes wrong around it.
+    """A peer on a byte stream with injected link faults.
 
-    Dead means without power: nothing comes in and nothing goes out. The faults decide at the instant a
-    byte would leave.
+    Dead means without power: nothing is received or sent. Faults are evaluated at the instant a byte
+    would leave.
 
     Args:
         peer: the healthy peer.
@@ -42,12 +42,12 @@ class FaultySerialPeer(Stateful):
         self._clock: PeerClock
 
     def serve(self, peers: Sequence[BusPeer]) -> None:
-        """Put devices on the bus of a peer that serves one."""
+        """Put devices on the bus that the peer serves."""
         if isinstance(self._peer, BusServer):
             self._peer.serve(peers)
 
     def attach(self, line: Line, clock: PeerClock) -> None:
-        """Connect the peer through its faults, and start what comes unasked."""
+        """Connect the peer through its faults, and start unsolicited output."""
         self._line = line
         self._clock = clock
         # A peer that nothing is wrong with talks to the line itself.
@@ -90,7 +90,7 @@ class FaultySerialPeer(Stateful):
 
 
 class FaultyBusPeer(Stateful):
-    """A device on an I2C bus with what goes wrong around it.
+    """A device on an I2C bus with injected link faults.
 
     Args:
         peer: the healthy peer.

@@ -1,4 +1,4 @@
-"""What one device says of itself, and how its firmware writes what another one writes otherwise."""
+"""Identity of a simulated SCPI device, and variations of its firmware's notation."""
 
 from __future__ import annotations
 
@@ -52,15 +52,15 @@ class DeviceTruth:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Manner:
-    """What the truth of a simulated instrument says of its firmware; what it leaves out is as the manual has it.
+    """Firmware variations in an instrument's truth; anything left out follows the manual.
 
     Attributes:
-        line_end: of what it sends: `lf`, `crlf`, `blank crlf`, or `cr`, which then ends what it receives, too.
-        switches: how it says on and off.
-        numbers: how it writes volts and amperes.
-        no_error: what it says of an empty error queue.
-        echo: whether it sends every line back.
-        banner: what it sends when its port is opened.
+        line_end: terminator sent: `lf`, `crlf`, `blank crlf`, or `cr`, which is then also the one received.
+        switches: notation of on and off.
+        numbers: notation of volts and amperes.
+        no_error: reply for an empty error queue.
+        echo: whether it echoes every line.
+        banner: text sent when its port is opened.
     """
 
     line_end: Annotated[str, one_of(*_ENDS)] = "lf"
@@ -72,11 +72,11 @@ class Manner:
 
     @property
     def end(self) -> str:
-        """What ends a line."""
+        """Line terminator."""
         return _ENDS[self.line_end]
 
     def told(self, header: str) -> Callable[[str], str] | None:
-        """Return what respells the answer of a header, None where it stands as the manual has it."""
+        """Return the function that rewrites a header's answer, None to keep the manual's form."""
         name = header.upper()
         if "ERR" in name:
             return self._of_queue if self.no_error else None

@@ -1,4 +1,4 @@
-"""What a peer model is made of, and what it is given to build one peer."""
+"""Peer models, and the setup from which they build a peer."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ __all__ = ["Connections", "PeerModel", "PeerSetup"]
 
 
 class Connections:
-    """A peer's terminals, each to a plant or to nothing. What is wrong is noted, and connected to nothing.
+    """Connections of a peer's terminals to plants. Invalid ones are collected as errors, and left open.
 
     Args:
-        wiring: terminal to `plant.point`, as the bench file has it.
+        wiring: `plant.point` by terminal, from the bench file.
         plants: every plant by name.
-        taken: points that something drives already, over all peers of the world.
-        path: where the wiring stands, for messages.
+        taken: points already driven, across all peers of the world.
+        path: location of the wiring, for messages.
     """
 
     def __init__(self, wiring: Mapping[str, str], plants: Mapping[str, Plant], taken: set[str], path: Path) -> None:
@@ -37,7 +37,7 @@ class Connections:
         self._errors: list[TruthError] = []
 
     def port(self, terminal: str, ohms: float) -> Terminal:
-        """Return what a supply's output drives: a plant's port, or a resistor of `ohms` where none is named."""
+        """Return the load of a supply's output: a plant's port, or a resistor of `ohms` if unconnected."""
         found = self._find(terminal)
         if found is None:
             return Resistor(ohms)
@@ -48,7 +48,7 @@ class Connections:
         return PlantPort(plant, plant.ports[name])
 
     def load(self, terminal: str) -> LoadTerminal:
-        """Return what an electronic load draws from: a plant's sink, or open terminals where none is named."""
+        """Return the source of an electronic load: a plant's sink, or open terminals if unconnected."""
         found = self._find(terminal)
         if found is None:
             return LoadTerminal()
@@ -90,7 +90,7 @@ class Connections:
         return x, y, z
 
     def finish(self) -> None:
-        """Refuse what is wrong with the terminals, and terminals that nobody asked for.
+        """Raise the collected errors, and refuse unknown terminals.
 
         Raises:
             TruthError: if there is one.
@@ -129,13 +129,13 @@ class Connections:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PeerSetup:
-    """What a peer is built from.
+    """Everything from which a peer is built.
 
     Attributes:
         instrument: the instrument it stands for.
-        truth: what this article really is.
+        truth: true properties of this article.
         connections: its terminals.
-        faults: what goes wrong with it.
+        faults: its injected faults.
         seeds: the bench's random numbers.
     """
 
@@ -150,10 +150,10 @@ class PeerSetup:
         return self.seeds.stream(self.instrument.name, name)
 
     def finish(self) -> None:
-        """Refuse what the peer did not ask for in its truth and its terminals.
+        """Refuse unknown keys of the truth and unknown terminals.
 
         Raises:
-            TruthError: with everything that is wrong.
+            TruthError: with every error.
         """
         errors: list[TruthError] = []
         for finish in (self.truth.finish, self.connections.finish):
@@ -170,9 +170,9 @@ class PeerModel:
     """One kind of simulated instrument; entry points of the group `hil.peers` name objects of this class.
 
     Attributes:
-        link: whether it hangs on a byte stream or on an I2C bus.
-        fault_kinds: the faults that it knows in addition to those of its link.
-        build: makes one peer; a serial one for `serial`, a bus peer for `bus`.
+        link: whether it is on a byte stream or on an I2C bus.
+        fault_kinds: the faults that it supports in addition to those of its link.
+        build: builds one peer; a serial one for `serial`, a bus peer for `bus`.
         serves_bus: whether its peers are also bus servers (`hil.wire.peer.BusServer`).
     """
 

@@ -1,4 +1,4 @@
-"""What a SCPI instrument does with a program message, by its programming guide.
+"""Execution of SCPI program messages according to the programming guide.
 
 An error ends a message, what was executed before it stands. Assumed: a channel that has tripped refuses to switch on
 with -221 until it is cleared.

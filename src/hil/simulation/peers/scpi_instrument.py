@@ -1,4 +1,4 @@
-"""A SCPI instrument on its line: lines in, answers out, protections that trip in the meantime."""
+"""Simulated SCPI instrument on its line: command lines in, answers out, and protections that trip meanwhile."""
 
 from __future__ import annotations
 
@@ -75,12 +75,12 @@ class ScpiInstrument(Stateful):
                 channel.listen(self._look)
 
     def opened(self) -> None:
-        """Greet whoever opened the port, where the firmware does."""
+        """Send the firmware's banner, if any, when the port is opened."""
         if self._manner.banner:
             self._line.send(f"{self._manner.banner}{self._end}".encode("latin-1", "replace"))
 
     def receive(self, data: bytes) -> None:
-        """Collect bytes into lines; where lines need a pause, one that comes too early is lost."""
+        """Collect bytes into lines; a line that arrives before a required pause is lost."""
         if self._end == "\r":
             data = data.replace(b"\r", b"\n")
         *lines, self._inbox = (self._inbox + data).split(b"\n")
@@ -91,7 +91,7 @@ class ScpiInstrument(Stateful):
             text = line.decode("latin-1").strip()
             if self._pause_ns is not None and (not text or self._lines or self._clock.now_ns() < self._ready_ns):
                 continue
-            if len(self._lines) == _MOST_LINES:  # what nobody waits for an answer to does not pile up for ever
+            if len(self._lines) == _MOST_LINES:  # bounds the backlog of lines without a waiting reader
                 self._commands.errors.push(-363)
                 break
             self._lines.append(text)
@@ -119,12 +119,12 @@ class ScpiInstrument(Stateful):
             self._begin()
 
     def _look(self) -> None:
-        """Check whether a contact that closed, or the like, brought a channel above its protection."""
+        """Check whether an external change, such as a closed contact, put a channel above its protection level."""
         if any(channel.lifted for channel in self._channels.values()):
             self._watching.set(self._clock.now_ns())
 
     def _protect(self) -> None:
-        """Trip what is due; a channel that gives more than a protection allows is looked at every 10 ms."""
+        """Trip due protections; a channel above a protection level is polled every 10 ms."""
         now_ns = self._clock.now_ns()
         for channel in self._channels.values():
             channel.protect(now_ns)

@@ -1,4 +1,4 @@
-"""The programming guide of a SCPI instrument as a table: headers, and what they read, set and refuse."""
+"""A SCPI instrument's programming guide as a table of headers: what they read, set and refuse."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ __all__ = [
 ]
 
 By = Literal["parameter", "number", "selected", "instrument"]
-"""What names the channel of a header: a parameter, the number in the header, or the selection; 0 is the instrument."""
+"""How a header selects its channel: by parameter, by number in the header, or by selection; 0 is the instrument."""
 
 
 class Channel(Stateful):
-    """What headers concern: an output of a supply, the input of a load, the front end of a meter.
+    """Target of headers: an output of a supply, the input of a load, the front end of a meter.
 
     Attributes:
         rating: bounds of its settings, as the rows of its manual read them.
@@ -46,30 +46,30 @@ class Channel(Stateful):
         del now_ns
 
     def attach(self, clock: PeerClock) -> None:
-        """Learn the clock of what happens by itself, before anything else."""
+        """Connect the clock for autonomous actions, before anything else."""
         del clock
 
     def apply(self) -> None:
-        """Give to the terminals what the settings say."""
+        """Apply the settings to the terminals."""
 
     def switch(self, on: bool, now_ns: int) -> None:
         """Switch it, where it can be switched."""
         del on, now_ns
 
     def follow(self, now_ns: int) -> None:
-        """Do what a switch of the instrument asks for that was just set; here every switch is one of its own."""
+        """Follow a switch of the instrument that was just set; by default every channel has its own."""
         del now_ns
 
     def protect(self, now_ns: int) -> None:
-        """Trip the protections that are due."""
+        """Trip any protection whose condition is met."""
         del now_ns
 
     def listen(self, callback: Callable[[], None]) -> None:
-        """Call back when something else has changed what is connected to it."""
+        """Call back when the connected circuit was changed by something else."""
         del callback
 
     def takes_ns(self, line: str, now_ns: int) -> int:
-        """Return how much longer than others a line in capitals takes."""
+        """Return the additional execution time of a line, given in capitals."""
         del line, now_ns
         return 0
 
@@ -91,7 +91,7 @@ class Channel(Stateful):
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """A header that is asked.
+    """A query header.
 
     Attributes:
         header: as manuals print it: `MEASure[:VOLTage]`, `ISUMmary<n>`.
@@ -108,7 +108,7 @@ class Reading:
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """A header that takes a number, and gives it when it is asked.
+    """A header that sets a number, and returns it on query.
 
     Attributes:
         header, form, by: see `Reading`.
@@ -133,7 +133,7 @@ class Setting:
 
 @dataclass(frozen=True, slots=True)
 class Switch:
-    """A header that takes ON or OFF, and gives it in the manual's words.
+    """A header that takes ON or OFF, and returns it in the manual's notation.
 
     Attributes:
         header: see `Reading`.
@@ -152,7 +152,7 @@ class Switch:
 
 @dataclass(frozen=True, slots=True)
 class Whole:
-    """A header that is asked, and whose answer is of all channels."""
+    """A query header whose answer covers all channels."""
 
     header: str
     tell: Callable[[Mapping[int, Any], int], str]
@@ -176,7 +176,7 @@ class Numbers:
 
 @dataclass(frozen=True, slots=True)
 class Word:
-    """A header that takes one of some words, and gives it when it is asked.
+    """A header that takes one of several keywords, and returns it on query.
 
     Attributes:
         header: see `Reading`.
@@ -195,7 +195,7 @@ class Word:
 
 @dataclass(frozen=True, slots=True)
 class Act:
-    """A header that is none of the others.
+    """A header of any other kind.
 
     Attributes:
         header: see `Reading`.
@@ -217,7 +217,7 @@ Row = Reading | Setting | Switch | Clear | Numbers | Whole | Word | Act
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Manual:
-    """What a programming guide says.
+    """Content of a programming guide.
 
     Attributes:
         identity: what `*IDN?` answers, with `{serial}` and `{firmware}`.

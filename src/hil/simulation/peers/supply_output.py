@@ -1,4 +1,4 @@
-"""One output of the simulated supply: what was set, what it gives, what it reads back."""
+"""One output of a simulated supply: settings, actual output and read-back."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _EPSILON = 1e-9
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RefuseOff(Fault):
-    """An output stays on when it is switched off: `channel`, or all of them for 0; `says` is what it then reports."""
+    """An output stays on when switched off: `channel`, or all for 0; `says` is the state it then reports."""
 
     name = "refuse-off"
 
@@ -51,14 +51,14 @@ class RefuseOff(Fault):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NotANumber(Fault):
-    """What the outputs measure is not a number."""
+    """The outputs' measurements are not a number."""
 
     name = "not-a-number"
 
 
 @dataclass(frozen=True, slots=True)
 class Rating:
-    """What an output can give, and the most that its settings take [V, A].
+    """Rating of an output, and limits of its settings [V, A].
 
     Attributes:
         volts, amperes: what it can give.
@@ -150,7 +150,7 @@ def read_outputs(
 
 
 class SupplyOutput(Channel):
-    """One output: settings, protection, and what hangs on it.
+    """One output: settings, protection, and the connected load.
 
     Args:
         number: the channel's number.
@@ -257,7 +257,7 @@ class SupplyOutput(Channel):
         return self.on and self.over_voltage_on and self._terminal.volts() > self.protection
 
     def listen(self, callback: Callable[[], None]) -> None:
-        """Call back when something else has changed what hangs on it."""
+        """Call back when the connected circuit was changed by something else."""
         self._terminal.listen(callback)
 
     def mode(self) -> str:
@@ -282,7 +282,7 @@ class SupplyOutput(Channel):
         return NOT_A_NUMBER if self._unreadable and self._faults.now(NotANumber, now_ns, self.number) else reading
 
     def apply(self) -> None:
-        """Give to the terminals what the settings say."""
+        """Apply the settings to the terminals."""
         giving = self.on or self._stuck_on
         self._terminal.drive(self._given_volts() if giving else 0.0, self._given_limit())
 

@@ -1,4 +1,4 @@
-"""Time as peers know it: things that they do later, and a device's own clock."""
+"""Timing of peers: scheduled actions, and a device's own clock."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ _PARTS_PER_US = _PARTS * 1000
 
 
 class BoardClock(Stateful):
-    """Microseconds since the board's last reset, by a crystal that is a little wrong.
+    """Microseconds since the board's last reset, by a crystal with drift.
 
     Args:
-        drift: rate against the bench's clock minus 1; 0.0001 is 100 ppm fast.
-        offset_us: what it shows at the bench's epoch, before any reset.
+        drift: rate relative to the bench's clock, minus 1; 0.0001 is 100 ppm fast.
+        offset_us: reading at the bench's epoch, before any reset.
     """
 
     _zero_ns: Kept[int]
@@ -35,7 +35,7 @@ class BoardClock(Stateful):
         self._zero_ns, self._offset_us = now_ns, 0
 
     def at(self, when_ns: int) -> int:
-        """Return what the clock shows at an instant of the bench, whole microseconds that have passed."""
+        """Return the clock's reading at an instant of bench time, in whole elapsed microseconds."""
         return self._offset_us + (when_ns - self._zero_ns) * self._rate // _PARTS_PER_US
 
     def instants(self, shown_us: int, step_us: int, until_ns: int, most: int) -> list[int]:
@@ -54,7 +54,7 @@ class BoardClock(Stateful):
 
 
 class Alarm:
-    """One thing that happens later, at most once at a time.
+    """A one-shot action, scheduled at most once at a time.
 
     Args:
         clock: the bench's clock.
@@ -70,24 +70,24 @@ class Alarm:
         self.due_ns: int | None = None
 
     def set(self, when_ns: int) -> None:
-        """Let it happen at `when_ns`, and not when it was due before."""
+        """Schedule it at `when_ns`, replacing any earlier schedule."""
         if self._event is not None:
             self._event.cancel()
         self.due_ns = when_ns
         self._event = self._clock.at(when_ns, self._ring)
 
     def clear(self) -> None:
-        """Let it not happen."""
+        """Cancel it."""
         if self._event is not None:
             self._event.cancel()
         self._event, self.due_ns = None, None
 
     def state(self) -> list[int] | None:
-        """Return when it is due, and its place among all events of that instant; None is never."""
+        """Return when it is due, and its order among simultaneous events; None if not scheduled."""
         return None if self._event is None or self.due_ns is None else [self.due_ns, self._event.number]
 
     def restore(self, state: object) -> None:
-        """Be due as `state` says it."""
+        """Reschedule it from `state`."""
         self.clear()
         if state is not None:
             self.due_ns, number = cast("list[int]", state)
@@ -99,9 +99,9 @@ class Alarm:
 
 
 class Alarms:
-    """Things that happen once each, such as the begin of a fault.
+    """A list of one-shot actions, such as the starts of faults.
 
-    What lies in the past happens at once: a world that is built later than the epoch is restored before time passes.
+    Past actions happen at once: a world built after the epoch is restored before time passes.
 
     Args:
         clock: the bench's clock.
@@ -114,12 +114,12 @@ class Alarms:
             self.set(place, when_ns)
 
     def set(self, place: int, when_ns: int | None) -> None:
-        """Let one of them happen at `when_ns`, None for not at all."""
+        """Schedule one of them at `when_ns`, or cancel it with None."""
         if when_ns is not None:
             self._alarms[place].set(when_ns)
 
     def state(self) -> list[list[int] | None]:
-        """Return which of them are still to come."""
+        """Return the schedules of those still pending."""
         return [alarm.state() for alarm in self._alarms]
 
     def restore(self, state: object) -> None:

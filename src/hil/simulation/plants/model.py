@@ -1,4 +1,4 @@
-"""What a plant model is: one kind of physics that bench files name."""
+"""Plant models: kinds of physics that bench files refer to."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What every plant is: pure physics on an absolute grid, observed without being disturbed."""
+"""Base of plants: pure physics on an absolute time grid, unaffected by observation."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from hil.wire.checkpoint import Kept, Stateful
 __all__ = ["Inputs", "Plant", "Port", "Sink", "Value", "Vector"]
 
 Value = float | bool | str
-"""What an input can be."""
+"""Type of an input value."""
 
 Inputs = Mapping[str, Value]
 Vector = tuple[float, ...]
@@ -33,7 +33,7 @@ _EVENLY, _AFTER = 48, 96
 
 @dataclass(frozen=True, slots=True)
 class Port:
-    """Where a supply can be connected: two inputs of the plant, and the two signals seen there."""
+    """Connection for a supply: two inputs of the plant, and the two signals there."""
 
     voltage_input: str
     current_input: str
@@ -43,7 +43,7 @@ class Port:
 
 @dataclass(frozen=True, slots=True)
 class Sink:
-    """Where an electronic load can be connected: its mode and level as inputs, and the two signals seen there.
+    """Connection for an electronic load: its mode and level as inputs, and the two signals there.
 
     The mode is one of `hil.simulation.plants.node.MODES`, empty for an input that is off.
     """
@@ -55,7 +55,7 @@ class Sink:
 
 
 class _Moment(Struct, array_like=True, eq=False, gc=False):  # there is one for every step of weeks
-    """A break point: from here on these inputs hold, and the state was this."""
+    """A break point: the state at an instant, and the inputs from there on."""
 
     at_ns: int
     state: Vector
@@ -69,10 +69,10 @@ _Ahead = tuple[_Moment | None, Vector, int]
 class Plant(Stateful, ABC):
     """Physics that steps from grid point to grid point; commands are extra break points.
 
-    Anyone who observes, and when, changes nothing: the state at an instant lies on the line between the
-    last break point's state and the state that the next grid point would have, and only grid points
-    and commands are ever committed. The last two seconds stay observable, for sensors whose
-    conversion ended before somebody read it.
+    Observation changes nothing, whenever it happens: the state at an instant lies on the line between
+    the last break point's state and the state that the next grid point would have, and only grid points
+    and commands are ever committed. The last two seconds stay observable, for sensors whose conversion
+    ended before it was read.
 
     Args:
         name: the plant's name in the bench file.
@@ -121,7 +121,7 @@ class Plant(Stateful, ABC):
         return state
 
     def places(self, names: tuple[str, ...], inputs: Inputs) -> tuple[int, ...] | None:
-        """Return which numbers of the state these signals are under these inputs, None if one is more than that."""
+        """Return the state indices of these signals under these inputs, None if any is not plain state."""
         del names, inputs
         return None
 
@@ -136,9 +136,9 @@ class Plant(Stateful, ABC):
         return self._moments[-1].inputs
 
     def follow(self, now_ns: Callable[[], int]) -> None:
-        """Keep up with a clock by itself: grid points are committed when somebody looks or commands next.
+        """Follow a clock: grid points are committed at the next observation or command.
 
-        Physics does not depend on polling, so that committing them late gives the same.
+        Physics does not depend on polling, so committing them late gives the same result.
         """
         self._time = now_ns
 
@@ -166,7 +166,7 @@ class Plant(Stateful, ABC):
                 moments.popleft()
 
     def command(self, **values: Value) -> None:
-        """Set inputs at the present instant; what changes nothing is not a break point."""
+        """Set inputs at the present instant; without a change there is no break point."""
         last = self._moments[-1]
         inputs = {**last.inputs, **values}
         if len(inputs) > len(last.inputs):
@@ -216,8 +216,8 @@ class Plant(Stateful, ABC):
     def observe_at(self, signal: str, at_ns: int) -> float:
         """Return a signal at an instant of the last two seconds, before any command of that instant.
 
-        So the answer does not depend on whether somebody asks before or after such a command. Only at the epoch
-        itself there is no before.
+        So the result does not depend on whether it is observed before or after such a command. Only at the epoch itself
+        there is no earlier state.
         """
         self._keep_up()
         if self._past is None or self._past[0] != at_ns:
@@ -305,7 +305,7 @@ class Plant(Stateful, ABC):
         return super().state()
 
     def restored(self) -> None:
-        """Forget what was seen and foreseen."""
+        """Discard cached observations and predictions."""
         self._next_ns = self._end_ns(self._moments[-1])
         self._ahead = (None, (), self._grid_ns)
         self._further.clear()
@@ -326,7 +326,7 @@ class Plant(Stateful, ABC):
         return present
 
     def _foreseen(self, places: tuple[int, ...], times_ns: Sequence[int]) -> list[Vector]:
-        """Return numbers of the state at rising instants from now on, if no command comes."""
+        """Predict state values at ascending instants from now on, barring commands."""
         last, further, used = self._moments[-1], self._further, 0
         at_ns, state, seen = last.at_ns, last.state, []
         _, ahead, span_ns = self._look_ahead(last)

@@ -1,4 +1,4 @@
-"""What hangs on the terminals of simulated instruments: plants, resistors, or nothing; and the rail that feeds them."""
+"""Connections at the terminals of simulated instruments: plants, resistors or open, and supply rails."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["InputPoint", "LoadTerminal", "PlantPort", "Power", "Resistor", "Sign
 
 
 class Terminal(Protocol):
-    """What an output of a supply sees. Volts and amperes."""
+    """Load as seen by an output of a supply, in V and A."""
 
     def drive(self, volts: float, limit: float) -> None:
         """Apply a voltage with a current limit; 0 V stands for an output that is off."""
@@ -32,7 +32,7 @@ class Terminal(Protocol):
         ...
 
     def listen(self, callback: Callable[[], None]) -> None:
-        """Call back after every command that changed what hangs here."""
+        """Call back after every command that changed the connected circuit."""
         ...
 
 
@@ -61,7 +61,7 @@ class Resistor:
 
 
 class PlantPort:
-    """A supply port of a plant. See `Terminal`; who looks asks the plant itself.
+    """A supply port of a plant. See `Terminal`; observations are the plant's own functions.
 
     Attributes:
         volts: observes the voltage.
@@ -82,7 +82,7 @@ class PlantPort:
 
 
 class LoadTerminal:
-    """What an electronic load hangs on: a node of a plant that it draws from, or nothing.
+    """Source of an electronic load: a node of a plant, or open terminals.
 
     Args:
         plant: the plant, None where the terminals are open.
@@ -163,11 +163,11 @@ def observing(points: Sequence[SignalPoint | None], unconnected: Vector) -> Call
 
 
 _LEAST_VOLTS = 9.0
-"""Below, relays and amplifiers for 12 V let go."""
+"""Drop-out voltage of relays and amplifiers for 12 V."""
 
 
 class Power:
-    """Tells whether the rail is there, and when that changes.
+    """Power-good of a supply rail, with notification of changes.
 
     Args:
         point: the rail's voltage; None if the instrument has power of its own.
@@ -178,7 +178,7 @@ class Power:
 
     @property
     def there(self) -> bool:
-        """Whether the rail carries what is needed."""
+        """Whether the rail voltage is sufficient."""
         return self._point is None or self._point.observe() >= _LEAST_VOLTS
 
     def listen(self, callback: Callable[[], None]) -> None:

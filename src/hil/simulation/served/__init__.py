@@ -1,1 +1,1 @@
-"""The served bench: the simulated world as a process of its own, for clients that are not ours."""
+"""The served bench: the simulated world in a separate process, for third-party clients."""

@@ -1,4 +1,4 @@
-"""The world of a served bench: its clock and lines, and faults that come while it lives."""
+"""The world of a served bench: its clock and lines, and fault injection at run time."""
 
 from __future__ import annotations
 

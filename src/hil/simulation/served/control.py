@@ -1,4 +1,4 @@
-"""The socket at which a served bench is asked from outside, past its instruments: one JSON document per line."""
+"""Control socket of a served bench, independent of its instruments: one JSON document per line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The folder of a served bench, and how another process asks the bench for its ends."""
+"""Folder of a served bench, and requests to its control socket from other processes."""
 
 from __future__ import annotations
 

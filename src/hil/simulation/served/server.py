@@ -1,4 +1,4 @@
-"""The loop of a served bench: descriptors, the control socket, and the virtual clock at the pace of the wall."""
+"""Event loop of a served bench: descriptors, control socket, and the virtual clock paced by wall time."""
 
 from __future__ import annotations
 

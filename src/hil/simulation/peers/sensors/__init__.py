@@ -1,1 +1,1 @@
-"""What simulated sensors on an I2C bus share: registers, power, samples, FIFO, interrupt; a chip adds its own."""
+"""Kit for simulated sensors on an I2C bus: registers, power, samples, FIFO, interrupt; a chip adds its own."""

@@ -1,4 +1,4 @@
-"""A simulated sensor on its bus: power, identity, registers and a pointer; a chip's class adds what they do."""
+"""Base of simulated sensors on a bus: power, identity, registers and pointer; a chip's class adds their function."""
 
 from __future__ import annotations
 
@@ -30,20 +30,20 @@ class OtherIdentity(Fault):
 
     @property
     def number(self) -> int:
-        """What the register holds."""
+        """Content of the register."""
         return int(self.value, 16)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Asleep(Fault):
-    """The sensor falls asleep: it loses its settings, and wakes only after a reset when this is over."""
+    """The sensor falls asleep: it loses its settings, and wakes only by a reset after the fault."""
 
     name = "asleep"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TemperatureRaw(Fault):
-    """The temperature has as many counts as it says."""
+    """The temperature reads a fixed number of counts."""
 
     name = "temperature-raw"
 
@@ -52,7 +52,7 @@ class TemperatureRaw(Fault):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Datasheet:
-    """What a chip's data sheet says of its bus and power.
+    """Bus and power properties from a chip's data sheet.
 
     Attributes:
         model: its name.
@@ -97,7 +97,7 @@ class BootTruth:
 
 @dataclass(frozen=True, slots=True)
 class Fitted:
-    """How one sensor is fitted: its address, its supply, and what goes wrong with it.
+    """Installation of one sensor: address, supply, and injected faults.
 
     Attributes:
         address: 7-bit address.
@@ -209,13 +209,13 @@ class SensorPeer(Stateful):
         return bytes(data[:count])
 
     def _connected(self) -> None:
-        """The clock is there: make alarms."""
+        """Create alarms, now that the clock is connected."""
 
     def _settle(self) -> None:
-        """Somebody reads or writes: bring everything up to now."""
+        """Bring everything up to the present before a read or write."""
 
     def _was_reset(self) -> None:
-        """The registers hold their values after power-on."""
+        """Reinitialise after the registers were reset to their power-on values."""
 
     def _burst(self, register: int, count: int) -> bytes:
         """Return bytes of a register that does not continue at the next one, nothing for every other."""
@@ -263,7 +263,7 @@ class SensorPeer(Stateful):
             self._ready_ns = None
 
     def _reset(self, busy_ns: int) -> None:
-        """Be as after power-on, and acknowledge nothing for a while."""
+        """Reset to power-on, and acknowledge nothing for `busy_ns`."""
         self._registers.reset()
         self._was_reset()
         self._ready_ns = self._clock.now_ns() + busy_ns

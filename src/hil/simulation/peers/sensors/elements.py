@@ -1,4 +1,4 @@
-"""What one simulated sensor really is: bias, scale, misalignment and noise of its elements, and its temperature."""
+"""True properties of a simulated sensor: bias, scale, misalignment and noise of its elements, and temperature."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ class LevelsTruth:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AxesTruth(LevelsTruth):
-    """What three elements are. Polynomials are of the die's temperature above 25 degC, lowest power first.
+    """Truth of three elements. Polynomials are in die temperature relative to 25 degC, lowest power first.
 
     By default there are no errors. `unit` is deg/s of a gyroscope, m/s2 of an accelerometer, uT of a magnetometer.
 
@@ -115,7 +115,7 @@ class AxesTruth(LevelsTruth):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RateTruth(AxesTruth):
-    """What a gyroscope's elements are [deg/s].
+    """Truth of a gyroscope's elements [deg/s].
 
     The white noise is that of the ICM-42605's datasheet, 3.8 mdeg/s/sqrt(Hz) one-sided; flicker and random walk, which
     no datasheet tells, are guesses.
@@ -135,7 +135,7 @@ class AccelerationTruth(AxesTruth):
 
 
 class AxesElement:
-    """Three axes that sense rates, accelerations or a field, independent of who reads them and when.
+    """Three axes that sense rates, accelerations or a field, independent of when they are read.
 
     Args:
         setup: of the peer: its faults, its random numbers; its truth, where none is given.
@@ -169,7 +169,7 @@ class AxesElement:
         self._noise: list[RateNoise] = []
 
     def begin(self, start_ns: int, *, rate: float, bandwidth: float) -> None:
-        """Start noise again: samples that are counted afresh must not repeat the noise of the last ones.
+        """Restart the noise: samples counted from 1 again must not repeat earlier noise.
 
         Args:
             start_ns: when samples begin to be counted.
@@ -183,7 +183,7 @@ class AxesElement:
         ]
 
     def stop(self) -> None:
-        """Sense nothing."""
+        """Stop sensing."""
         self._begun, self._noise = None, []
 
     def measured(self, first: int, ends_ns: NDArray[np.int64], degrees: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -241,7 +241,7 @@ class AxesElement:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FieldTruth:
-    """What a magnetometer's elements are.
+    """Truth of a magnetometer's elements.
 
     Attributes:
         offset: what they read in no field, with the jig's own magnetism [uT].

@@ -1,4 +1,4 @@
-"""The FIFO of a simulated sensor: packets go in at one end and bytes come out at the other."""
+"""FIFO of a simulated sensor: packets in, bytes out."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Fifo(Stateful):
         return -(-len(self._data) // self.packet)
 
     def push(self, packets: bytes, *, newest_go: bool) -> None:
-        """Put packets in; what there is no room for is lost and counted: the newest, or else the oldest."""
+        """Put packets in; overflow is lost and counted: the newest packets, or else the oldest."""
         size = self.packet
         surplus = max(0, self.packets + len(packets) // size - self.capacity)
         self.lost = min(_MOST_LOST, self.lost + surplus)
@@ -62,6 +62,6 @@ class Fifo(Stateful):
         return taken + _EMPTY * (count - len(taken))
 
     def flush(self, packet: int) -> None:
-        """Forget everything; packets have this size from now on."""
+        """Empty the FIFO, and set the packet size."""
         self._data.clear()
         self.packet, self.lost = packet, 0

@@ -1,4 +1,4 @@
-"""A simulated die on which gyroscope and accelerometer sample together, beside a thermometer."""
+"""Simulated die with jointly sampled gyroscope and accelerometer, and a thermometer."""
 
 from __future__ import annotations
 

@@ -13,13 +13,13 @@ __all__ = ["Pin", "PinSetting"]
 
 
 class PinSetting(NamedTuple):
-    """What the registers say of the pin.
+    """Pin configuration from the registers.
 
     Attributes:
-        works: whether anything comes at all.
+        works: whether the pin is enabled.
         high: whether it is active high.
-        latched: whether it stays until the status is read.
-        pulse_ns: how long a pulse lasts.
+        latched: whether it stays asserted until the status is read.
+        pulse_ns: pulse width.
     """
 
     works: bool
@@ -54,7 +54,7 @@ class Pin(Stateful):
         self._listeners.append(callback)
 
     def trigger(self) -> None:
-        """Assert the pin; one that is latched already has no new edge."""
+        """Assert the pin; if already latched there is no new edge."""
         setting = self._look()
         if not setting.works or self._asserted:
             return
@@ -65,14 +65,14 @@ class Pin(Stateful):
             self._rising.set(self._clock.now_ns() + setting.pulse_ns)
 
     def clear(self) -> None:
-        """Let a latched pin go; active low, that is a rising edge."""
+        """Release a latched pin, which is a rising edge if active low."""
         if self._asserted:
             self._asserted = False
             if not self._look().high:
                 self._rising.set(self._clock.now_ns())
 
     def reset(self) -> None:
-        """Be as after power-on."""
+        """Reset to the power-on state."""
         self._asserted = False
         self._rising.clear()
 

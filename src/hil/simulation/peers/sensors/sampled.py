@@ -1,4 +1,4 @@
-"""A simulated die that samples by itself: it falls asleep where a fault says so, and its temperature can be raw."""
+"""Base of simulated dies that sample autonomously, with the faults of sleep and raw temperature."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The measuring half of a simulated sensor with a FIFO: what was sampled up to now, and what that brings about."""
+"""Sampling of a simulated sensor: lazy generation of samples, FIFO, status and interrupts."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Bits(NamedTuple):
 
 
 class FifoSetting(NamedTuple):
-    """What the registers say of FIFO and interrupt.
+    """FIFO and interrupt configuration from the registers.
 
     Attributes:
         active: whether samples go into the FIFO.
@@ -67,10 +67,10 @@ _NO_PIN = PinSetting(works=False, high=True, latched=False, pulse_ns=0)
 
 
 class Sampler(Stateful):
-    """Samples are made in rows, when somebody looks, at the latest after a second, and when an interrupt is due.
+    """Generates samples in batches: on access, after a second at the latest, and when an interrupt is due.
 
-    One without a FIFO and without a pin leaves out what concerns them. Without a FIFO only the newest sample can be
-    read, and it is made when somebody reads it: a sensor that runs for hours unread costs nothing.
+    FIFO and pin are optional. Without a FIFO only the newest sample can be read, and it is generated on access: a
+    sensor that runs unread for hours costs nothing.
 
     Args:
         bits: of the status.

@@ -1,1 +1,1 @@
-"""What simulated temperature controllers have in common, whatever their registers."""
+"""Base of simulated temperature controllers, whatever their registers."""

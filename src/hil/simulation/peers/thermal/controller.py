@@ -1,7 +1,7 @@
-"""What simulated temperature controllers on Modbus have in common: a loop that takes its turns, and what hangs on it.
+"""Base of simulated Modbus temperature controllers: a periodic control loop and its connections.
 
-The fault `stuck` lets nothing of the output reach the cooler, `runaway` all that there is, in the direction that heats;
-both whatever the controller shows.
+With the fault `stuck` none of the output reaches the cooler, with `runaway` full power in the heating direction; the
+controller's display is unaffected.
 """
 
 from __future__ import annotations
@@ -93,7 +93,7 @@ _Truth = TypeVar("_Truth", bound=LoopTruth)
 
 
 class ThermalController(Stateful, ABC):
-    """One loop that takes its turns on the bench's time, from the first one on.
+    """One periodic control loop in bench time.
 
     Args:
         ends: what it is connected to.

@@ -1,4 +1,4 @@
-"""The control loop: what its sensor shows, and the algorithm with its limits and modes without a bump."""
+"""Control loop: sensor input, and PID algorithm with output limits and bumpless transfer."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ class Tuning:
 
 
 class Regulation(Stateful):
-    """One loop; the integral term stands still while it would only drive the output further into its limit."""
+    """One PID loop with anti-windup: the integral term is frozen while the output is limited."""
 
     _total: Kept[float]
     _last: Kept[float | None]
@@ -117,7 +117,7 @@ class Regulation(Stateful):
         self._total, self._last = 0.0, None
 
     def hold(self, output: float, error: float, tuning: Tuning) -> None:
-        """Follow an output that something else sets, so that regulation continues from there."""
+        """Track an externally set output, for bumpless transfer."""
         self._total = tuning.total_for(output, error)
         self._last = None
 
