@@ -1,1 +1,1 @@
-"""Readers of logs that other tools wrote."""
+"""Readers of logs written by other tools."""

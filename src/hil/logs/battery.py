@@ -1,4 +1,4 @@
-"""What the readers of battery tests hand over, and which of them reads a file."""
+"""Common result of the battery log readers, and detection of the reader for a file."""
 
 from __future__ import annotations
 
@@ -14,32 +14,32 @@ from hil.model.errors import Refused
 
 __all__ = ["BatteryLog", "holds_rows_of_cycler", "lines_of", "made_by"]
 
-_LOOKED_AT = 4096  # characters from which the maker is recognised
+_LOOKED_AT = 4096  # characters used to detect the format
 _ROW = re.compile(r"\s*(?:[-+]?\d+[.,]?\d*\s*;\s*){3}[-+]?\d+[.,]?\d*\s*(?:;.*\*[0-9A-F]{4}\s*)?")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BatteryLog:
-    """A battery test as its instrument logged it; all arrays have one length.
+    """A battery test as logged by its instrument; all arrays have the same length.
 
     Attributes:
-        maker: which reader read it: `novonix`, `cycler` or `table`.
-        time: in s.
-        voltage: in V; NaN where a row was torn.
-        current: in A, as it was logged.
-        temperature: in degC, None where there is none.
-        cycle: the instrument's own count, None where there is none.
-        capacity: nominal capacity in Ah as the log declares it, None where it does not.
-        own_charge: the instrument's own net charge at the end, in Ah, None where it has none.
-        own_energy: likewise net energy, in Wh.
-        charge: the instrument's own count of net charge at each row, in Ah, None where it is not in the rows.
-        energy: likewise of net energy, in Wh.
-        test: number of the test that each row belongs to, None where the log holds one.
-        stretch: number of the stretch that each row belongs to, None where the log is one; between two stretches the
-            time is not known.
-        remarks: what was left out or mended, in sentences.
-        contradicted: rows, counted from 0, whose current has not the direction that their state says, or flows in a
-            rest; None where no state was logged.
+        maker: the reader used: `novonix`, `cycler` or `table`.
+        time: time [s].
+        voltage: voltage [V]; NaN for a torn row.
+        current: current as logged [A].
+        temperature: temperature [degC], None if not logged.
+        cycle: the instrument's cycle count, None if not logged.
+        capacity: nominal capacity declared in the log [Ah], None if not declared.
+        own_charge: the instrument's final net charge [Ah], None if not logged.
+        own_energy: likewise net energy [Wh].
+        charge: the instrument's net charge counter per row [Ah], None if not logged.
+        energy: likewise net energy [Wh].
+        test: test number of each row, None for a single test.
+        stretch: stretch number of each row, None for a single stretch; the time between two stretches is
+            unknown.
+        remarks: omissions and corrections, in sentences.
+        contradicted: indices of rows whose current disagrees with the logged state, or flows in a rest; None if
+            no state was logged.
     """
 
     maker: str
@@ -60,10 +60,10 @@ class BatteryLog:
 
 
 def lines_of(path: Path) -> list[str]:
-    """Return the lines of a text file with their ends, in UTF-8 or a code in which digits are ASCII.
+    """Return the lines of a text file with their ends, in UTF-8 or an encoding with ASCII digits.
 
     Raises:
-        Refused: no such file, one that holds no text, or nothing at all.
+        Refused: the file does not exist, is not text, or is empty.
     """
     try:
         raw = path.read_bytes()
@@ -77,7 +77,7 @@ def lines_of(path: Path) -> list[str]:
 
 
 def made_by(lines: list[str]) -> str:
-    """Return which reader a log needs: `novonix`, `cycler` or, where neither is recognised, `table`."""
+    """Return the reader for a log: `novonix`, `cycler` or, if neither is recognised, `table`."""
     start = "".join(lines[:200])[:_LOOKED_AT]
     if "[Summary]" in start and "Novonix" in start:
         return "novonix"
@@ -87,6 +87,6 @@ def made_by(lines: list[str]) -> str:
 
 
 def holds_rows_of_cycler(lines: list[str]) -> bool:
-    """Tell whether most of the first lines are four numbers between semicolons, as a cycler without a banner writes."""
+    """Return whether most of the first lines are four semicolon-separated numbers, as of a cycler without a banner."""
     written = [line for line in lines[:200] if line.strip()]
     return 2 * sum(_ROW.fullmatch(line) is not None for line in written) > len(written)

@@ -1,4 +1,4 @@
-"""Times as people and loggers write them: hours and minutes, days, dates of ISO 8601."""
+"""Parsing of times as people and loggers write them: hours and minutes, days, ISO 8601 dates."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ _TIME = re.compile(r"([-+]?)(?:(\d+)\s*(?:d|days?)?[ .,:]+)?(\d+):(\d\d):(\d\d(?
 
 
 class Clock:
-    """Reads the cells of one column as seconds; dates count from midnight of the first one."""
+    """Parser for the times of one column, in seconds; dates count from midnight of the first one."""
 
     def __init__(self) -> None:
         self._days: dict[str, int] = {}
 
     def __call__(self, cell: str) -> float:
-        """Return the seconds that a cell says.
+        """Parse a cell to seconds.
 
         Raises:
             ValueError: it is neither a number, `hh:mm:ss.sss`, `3 days 04:05:06`, nor a date with a time. A date is one

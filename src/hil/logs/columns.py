@@ -1,4 +1,4 @@
-"""Reader of foreign text tables: the chosen columns as numbers, or where and why that is not possible."""
+"""Reader of foreign text tables: selected columns as numbers, or a located error."""
 
 from __future__ import annotations
 
@@ -26,33 +26,33 @@ __all__ = ["Reading", "Table", "read"]
 
 _CLOCK = re.compile(r"\d:\d\d")
 _AS_TIMES = "write times as seconds, hh:mm:ss.sss, or 2026-01-31T23:59:59.9"
-_SAMPLE = 400  # lines from which the layout is recognised
-_BLOCK = 1 << 18  # bytes that are read at once: they and what is found in them stay in the processor's cache
-_TAIL = 1 << 14  # bytes at the end of a file: what a last line without its end is compared with
-_FEWEST, _ENOUGH = 4, 20  # rows above it that may raise a doubt, and that tell
+_SAMPLE = 400  # lines used to detect the layout
+_BLOCK = 1 << 18  # bytes read at once: they and their results fit into the processor's cache
+_TAIL = 1 << 14  # bytes at the end of a file, for comparison with an unterminated last line
+_FEWEST, _ENOUGH = 4, 20  # rows above it needed to suspect, and to decide
 _SHOWN = 40  # characters of a cell in an error
-_ODD = 0.1  # of the cells of a block: with more that are not plain, lines are read one by one
+_ODD = 0.1  # of the cells of a block: with more irregular cells, lines are parsed one by one
 _PACKED = {
     b"\x1f\x8b": "packed by gzip",
     b"PK\x03\x04": "a ZIP archive or a workbook",
     b"\xff\xfe": "in UTF-16",
     b"\xfe\xff": "in UTF-16",
 }
-"""First bytes of what people take for a text file."""
+"""Signatures of binary files mistaken for text."""
 
 _MARKS = tuple({mark[0] for mark in COMMENT_MARKS})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Table:
-    """The chosen columns of a text table.
+    """The selected columns of a text table.
 
     Attributes:
         names: the columns' names, with the unit from a line of units below them, such as `t [ms]`; their numbers,
             counted from 1, where the table names none.
-        values: shape (rows, columns), in the order in which the columns were asked for.
-        remarks: what was left out, in sentences.
-        clocked: whether the first column was read as times of a clock, so that it is in s.
+        values: shape (rows, columns), columns in the order requested.
+        remarks: omissions, in sentences.
+        clocked: whether the first column was parsed as clock times, in s.
     """
 
     names: tuple[str, ...]
@@ -63,12 +63,12 @@ class Table:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reading:
-    """How a column is read that does not hold plain numbers.
+    """Parser for a column that does not contain plain numbers.
 
     Attributes:
-        number: returns the number that a cell stands for; raises ValueError where it stands for none.
-        what: what a cell should be, for errors.
-        hint: what to do about a cell that is not.
+        number: converts a cell to a number; raises ValueError if it cannot.
+        what: description of a valid cell, for errors.
+        hint: remedy for an invalid cell.
     """
 
     number: Callable[[str], float]
@@ -90,22 +90,22 @@ def read(
 ) -> Table:
     """Read columns of numbers from a text table.
 
-    Cells stand between tabs, semicolons, commas or white space; the decimal sign is a point, or a comma where cells
-    are not separated by commas. Lines above the first row, blank lines and comments are skipped. A last line without
-    its end was torn off if it does not hold a whole row, or if its last cell is shorter than those above it; it is left
-    out with a remark.
+    Cells are separated by tabs, semicolons, commas or white space; the decimal sign is a point, or a comma where cells
+    are not separated by commas. Lines above the first row, blank lines and comments are skipped. An unterminated last
+    line is torn if it is not a complete row, or if its last cell is shorter than those above it; it is left out with a
+    remark.
 
     Args:
-        path: the file, UTF-8 or another code in which digits are ASCII.
-        columns: each by its number, counted from 1, or by its name; all others than `first` where empty.
+        path: the file, in UTF-8 or another encoding with ASCII digits.
+        columns: columns by number, counted from 1, or by name; if empty, all except `first`.
         first: a column to put before them, by number or name.
         clock: whether `first` holds times, which may also be `hh:mm:ss.sss`, `3 days 04:05:06` or ISO 8601; these are
-            read as seconds, dates from midnight of the first one.
-        readings: by column, how its cells are read where they are not plain numbers.
-        blank: whether an empty cell is a NaN, rather than an error.
+            converted to seconds, dates from midnight of the first one.
+        readings: parsers by column, for columns that are not plain numbers.
+        blank: whether an empty cell is NaN rather than an error.
 
     Raises:
-        Refused: no such file, no table, no such column, a row with more or fewer cells, a cell that is no number.
+        Refused: no such file, no table, no such column, a row of the wrong width, or a cell that is not a number.
     """
     try:
         _refuse_binary(path)
@@ -127,7 +127,7 @@ def read(
 
 
 def _sample(path: Path) -> list[str]:
-    """Return the first lines; where they are not UTF-8, as Windows writes its western letters."""
+    """Return the first lines, as UTF-8 or else as Windows-1252."""
     with path.open(encoding="utf-8-sig", errors="replace") as file:
         lines = list(islice(file, _SAMPLE))
     if not any("\ufffd" in line for line in lines):
@@ -178,7 +178,7 @@ def _rows(
             file.seek(0)
         if all(b"\r" not in line.removesuffix(b"\n").removesuffix(b"\r") for line in islice(file, layout.first - 1)):
             rows.number = layout.first
-        else:  # a carriage return alone ends a line too
+        else:  # a lone carriage return ends a line too
             file.seek(0)
         for block in _blocks(file):
             rows.take(block)
@@ -188,7 +188,7 @@ def _rows(
 
 
 def _blocks(file: BinaryIO) -> Iterator[bytes]:
-    """Yield whole lines after `MARGIN` line ends, the end of the file as it is."""
+    """Yield blocks of whole lines after `MARGIN` line ends, the end of the file unchanged."""
     margin, rest = b"\n" * MARGIN, b""
     while more := file.read(_BLOCK):
         cut = more.rfind(b"\n") + 1
@@ -203,14 +203,14 @@ def _blocks(file: BinaryIO) -> Iterator[bytes]:
 
 @dataclass(slots=True, kw_only=True)
 class _Rows:
-    """A table while it is read: what `plain` understands at once, all else line by line.
+    """A table being read: in blocks where `plain` can parse them, otherwise line by line.
 
     Attributes:
-        number: of the next line, counted from 1.
-        values: shape (columns, rows and room for more).
-        count: rows so far.
-        remarks: what was left out.
-        blank: whether an empty cell is a NaN.
+        number: number of the next line, counted from 1.
+        values: shape (columns, rows plus spare capacity).
+        count: number of rows so far.
+        remarks: omissions, in sentences.
+        blank: whether an empty cell is NaN.
     """
 
     path: Path
@@ -239,13 +239,13 @@ class _Rows:
             room = np.empty((len(self.chosen), self.count + int(max(1.05 * whole, 1.0) * (rows + _SAMPLE))))
             if self.count:
                 room[:, : self.count] = self.values[:, : self.count]
-            self.values = room  # pages that no row reaches take no memory
+            self.values = room  # untouched pages take no memory
         for place, column in enumerate(found):
             self.values[place, self.count : self.count + rows] = column
         self.count += rows
 
     def _plainly(self, block: bytes) -> list[NDArray[np.float64]] | None:
-        """Return the columns, None where something is not plain enough to be sure."""
+        """Parse a block at once; None if anything in it is not plain."""
         if block[-1:] != b"\n" or (b"\r" in block and block.count(b"\r") != block.count(b"\r\n")):
             return None
         usual = [place for place in self.chosen if place not in self.special]
@@ -279,10 +279,10 @@ class _Rows:
         return float(text)
 
     def _strictly(self, block: bytes) -> list[NDArray[np.float64]]:
-        """Return the columns of lines that are looked at one by one.
+        """Parse a block line by line.
 
         Raises:
-            Refused: a row with more or fewer cells, a cell that is no number.
+            Refused: a row of the wrong width, or a cell that is not a number.
         """
         text = block[MARGIN:].decode("utf-8", errors="replace")
         every = list(io.StringIO(text, newline=None))
@@ -305,7 +305,7 @@ class _Rows:
         return list(values.T)
 
     def _whole(self, lines: Sequence[str]) -> Iterator[str]:
-        """Yield the rows with decimal points; refuse the first with another number of cells."""
+        """Yield the rows with decimal points; refuse the first of the wrong width."""
         layout = self.layout
         for number, raw in enumerate(lines, start=self.number):
             line = raw.replace(",", ".") if layout.decimal == "," else raw
@@ -340,7 +340,7 @@ def _starts_with_number(path: Path, layout: Layout, place: int) -> bool:
 
 
 def _last_cells(path: Path, layout: Layout) -> list[str]:
-    """Return the last cell of the rows at the end of a file, without that of its last line."""
+    """Return the last cells of the final rows of a file, except the last line."""
     with path.open("rb") as file:
         begin = max(0, path.stat().st_size - _TAIL)
         file.seek(begin)
@@ -367,7 +367,7 @@ def _is_read(layout: Layout, cell: str, special: Reading | None) -> bool:
 def _located(
     path: Path, layout: Layout, chosen: list[int], error: ValueError, special: Mapping[int, Reading]
 ) -> Refused:
-    """Find the first cell that is no number; only a table with such a cell is read twice."""
+    """Locate the first cell that is not a number; only such a table is read twice."""
     with path.open(encoding="utf-8-sig", errors="replace") as file:
         for number, line in enumerate(file, start=1):
             if number < layout.first or not line.strip() or line.lstrip().startswith(COMMENT_MARKS):

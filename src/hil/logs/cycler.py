@@ -26,7 +26,7 @@ _END = re.compile(r"\bend\b", re.IGNORECASE)
 
 @dataclass(slots=True)
 class _Rows:
-    """Rows as they are read, and what the marks between them say."""
+    """Parser state: rows read so far, and the state set by the marks between them."""
 
     interval: float
     device_ms: int | None = None
@@ -34,8 +34,8 @@ class _Rows:
     test: int = 0
     stretch: int = 0
     passed: float = 0.0
-    marked: dict[int, bool] = field(default_factory=dict)  # by test: whether a mark numbered its cycles
-    blind: int | None = None  # first row of a stretch whose cycle no mark has told yet
+    marked: dict[int, bool] = field(default_factory=dict)  # whether a mark numbered its cycles, by test
+    blind: int | None = None  # first row of a stretch whose cycle is not marked yet
     torn: int = 0
     headers: int = 0
     starts: int = 0
@@ -44,7 +44,7 @@ class _Rows:
     rows: list[Row] = field(default_factory=list)
 
     def row(self, numbers: list[float], digits: int, device_ms: int | None = None) -> None:
-        """Take a whole row."""
+        """Take a complete row."""
         voltage, current, energy, temperature = numbers
         self._pass(device_ms)
         self.rows.append(
@@ -54,7 +54,7 @@ class _Rows:
         self.marked.setdefault(self.test, False)
 
     def _pass(self, device_ms: int | None) -> None:
-        """Let the time pass that lies before a row: by the device's clock where it tells it, else one interval."""
+        """Advance time to a row: by the device's clock if present, otherwise by one interval."""
         since = None
         if device_ms is not None:
             self.stamped = True
@@ -66,13 +66,13 @@ class _Rows:
             self.passed += self.interval
 
     def tear(self) -> None:
-        """Take a torn row: its interval has passed, its numbers are lost."""
+        """Take a torn row: its interval counts, its numbers are lost."""
         if not self.stamped and (self.rows or self.torn):
             self.passed += self.interval
         self.torn += 1
 
     def mark(self, text: str, *, again: bool) -> None:
-        """Take a line that is no row; `again` says that it may be a line that was sent before."""
+        """Take a line that is not a row; `again` if it may be a duplicate."""
         if "PuTTY log" in text:
             self.headers += 1
             self._break(new_test=False)
@@ -88,7 +88,7 @@ class _Rows:
             self._iterate(float(found[1]), repeats=text.upper().startswith("TEST ITERATION") and not again)
 
     def _break(self, *, new_test: bool) -> None:
-        """End the stretch: what comes now is a new test, or the same one after a time that nobody knows."""
+        """End the stretch: a new test follows, or the same one after an unknown time."""
         if not self.rows:
             return
         if self.rows[-1].stretch == self.stretch:
@@ -99,10 +99,10 @@ class _Rows:
             self.blind = len(self.rows)
 
     def _iterate(self, number: float, *, repeats: bool) -> None:
-        """Begin a cycle; a number that does not follow on begins a new test."""
+        """Begin a cycle; a number out of sequence begins a new test."""
         here = self.rows and self.rows[-1].test == self.test and self.marked.get(self.test)
         if here and self.blind is not None and number > self.cycle:
-            # Every mark since has been read: what came before this one is the cycle before.
+            # No mark was missed since: the rows before this one belong to the previous cycle.
             self.rows[self.blind :] = [row._replace(cycle=number - 1.0) for row in self.rows[self.blind :]]
         elif here and (number not in {self.cycle, self.cycle + 1.0} or (number == self.cycle and repeats)):
             self._break(new_test=True)
@@ -111,22 +111,22 @@ class _Rows:
 
 
 def read(path: Path, *, interval: float = 5.0) -> BatteryLog:
-    """Read a terminal log: a row each interval, points or commas as decimal sign.
+    """Read a terminal log with one row per interval, and decimal points or commas.
 
-    Rows with number, device time in ms, state, and CRC-16/IBM-3740 after a `*` are checked by it and take their time
-    from the device. What follows is of rows without.
+    Rows with number, device time in ms, state, and CRC-16/IBM-3740 after a `*` are verified by the CRC and use device
+    time. The following applies to rows without these.
 
-    Rows are counted to tell the time. A torn row counts as an interval. A row that is missing as a whole is seen in the
-    accumulated energy, where its digits resolve one interval; else it makes the test seem shorter. A line that names an
-    iteration or a cycle with its number, and not its end, begins that cycle. A start, or a number that does not follow
-    on, begins a new test; after a header of the terminal the same test continues after a time that is not known.
+    Time is derived by counting rows. A torn row counts as one interval. A missing row is detected by the accumulated
+    energy if its digits resolve one interval; otherwise the test appears shorter. A line with the number of an
+    iteration or cycle, and not its end, begins that cycle. A start, or a number out of sequence, begins a new test;
+    after a header of the terminal the same test continues after an unknown time.
 
     Args:
         path: the file.
-        interval: s between two rows.
+        interval: time between two rows [s].
 
     Raises:
-        Refused: no such file, or not one whole row.
+        Refused: no such file, or no complete row.
     """
     rows = _Rows(interval=interval)
     for line in lines_of(path):

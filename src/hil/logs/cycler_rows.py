@@ -1,4 +1,4 @@
-"""Rows of a cycler's terminal log in the order of the log: which lie in one stretch, and what their energy tells."""
+"""Rows of a cycler's terminal log: times, counted energy, and missing or stray rows."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from numpy.typing import NDArray
 __all__ = ["Placed", "Row", "placed"]
 
 _SECONDS_PER_HOUR = 3600.0
-_RESOLVED = 4  # last digits of the energy that one interval must be worth before a missing row can be seen
-_RESTS = 0.1  # part of the power before below which a row rests
-_STRAY = 3.0  # intervals' worth by which an energy must leave that of both neighbours to be a bad row
+_RESOLVED = 4  # least energy per interval, in last digits, at which a missing row is detectable
+_RESTS = 0.1  # share of the previous power below which a row is at rest
+_STRAY = 3.0  # deviation of a stray row's energy from both neighbours, in intervals' worth
 
 
 class Row(NamedTuple):
-    """A whole row and what stands before it.
+    """A complete row with its context.
 
     Attributes:
-        voltage: V.
-        current: A.
-        energy: as accumulated, its magnitude in Wh.
-        temperature: degC.
-        digits: of the energy after the decimal sign.
-        cycle: of the last mark.
-        test: number of the test, from 0.
-        stretch: number of the stretch, from 0; between two stretches the time is not known.
-        passed: s since the row before, as rows or the device's clock tell.
+        voltage: voltage [V].
+        current: current [A].
+        energy: magnitude of the accumulated energy [Wh].
+        temperature: temperature [degC].
+        digits: decimals of the energy.
+        cycle: cycle number of the last mark.
+        test: test number, from 0.
+        stretch: stretch number, from 0; the time between two stretches is unknown.
+        passed: time since the previous row, by row count or device clock [s].
     """
 
     voltage: float
@@ -43,19 +43,19 @@ class Row(NamedTuple):
 
     @property
     def power(self) -> float:
-        """W, above zero where it charges."""
+        """Power [W], positive for charging."""
         return self.voltage * self.current
 
 
 class Placed(NamedTuple):
-    """Rows in their time; arrays of one length.
+    """Rows with their times; arrays of the same length.
 
     Attributes:
-        rows: those that are kept.
-        time: s of each.
-        energy: net Wh that the cycler counted up to each.
-        missing: how many rows never came.
-        stray: how many rows had an energy that the next took back, and are left out.
+        rows: the rows kept.
+        time: time of each [s].
+        energy: net energy counted by the cycler up to each [Wh].
+        missing: number of missing rows.
+        stray: number of rows dropped because the next one reverts their energy.
     """
 
     rows: list[Row]
@@ -66,15 +66,15 @@ class Placed(NamedTuple):
 
 
 def placed(rows: Sequence[Row], interval: float, *, stamped: bool) -> Placed:
-    """Return rows with their time and the net energy that the cycler counted.
+    """Return rows with their times and the net energy counted by the cycler.
 
-    The energy of each half-cycle is the field at its end less that at its beginning, so that no torn row takes any of
-    it. It starts from zero where it falls to what at most two intervals can be worth.
+    The energy of a half-cycle is the field at its end minus that at its beginning, so that torn rows lose none. It
+    starts from zero where the field falls to at most two intervals' worth.
 
     Args:
-        rows: at least one, in the order of the log.
-        interval: s between two rows.
-        stamped: whether the device told the time, so that no row can be missing from it.
+        rows: at least one row, in the order of the log.
+        interval: time between two rows [s].
+        stamped: whether rows have device time, so that missing rows do not affect it.
     """
     kept, stray = _without_strays(rows, interval)
     time, energy, missing = np.zeros(len(kept)), np.zeros(len(kept)), 0
@@ -88,7 +88,7 @@ def placed(rows: Sequence[Row], interval: float, *, stamped: bool) -> Placed:
 
 
 def _without_strays(rows: Sequence[Row], interval: float) -> tuple[list[Row], int]:
-    """Leave out the rows whose energy leaves that of both neighbours, and give their time to the next."""
+    """Drop the rows whose energy deviates from both neighbours, adding their time to the next row."""
     kept, over, stray = list[Row](), 0.0, 0
     for place, row in enumerate(rows):
         if 0 < place < len(rows) - 1 and _is_stray(rows[place - 1], row, rows[place + 1], interval):
@@ -112,7 +112,7 @@ def _usual(before: Row, row: Row, seconds: float) -> float:
 
 
 def _lost(before: Row, row: Row, interval: float) -> int:
-    """Return how many rows never came between two, as the jump of the energy tells."""
+    """Return the number of rows missing between two, from the step of the energy."""
     usual = _usual(before, row, interval)
     if before.stretch != row.stretch or before.power * row.power <= 0 or usual < _RESOLVED * 10.0**-row.digits:
         return 0
@@ -120,12 +120,12 @@ def _lost(before: Row, row: Row, interval: float) -> int:
 
 
 def _way(before: Row, row: Row) -> float:
-    """Return a power with the sign of what was counted between two rows: after a half-cycle nothing new flows."""
+    """Return a power with the sign of the energy counted between two rows."""
     return before.power if abs(row.power) < _RESTS * abs(before.power) else row.power
 
 
 def _counted(before: Row, row: Row) -> float:
-    """Return what the cycler counted between two rows, in Wh; nothing where that is not known."""
+    """Return the energy counted by the cycler between two rows [Wh]; 0 if unknown."""
     if before.stretch != row.stretch:
         return 0.0
     if row.energy >= before.energy:

@@ -1,4 +1,4 @@
-"""How a foreign text table is written: separator, decimal sign, names, and where its rows begin."""
+"""Layout detection for foreign text tables: separator, decimal sign, column names and first row."""
 
 from __future__ import annotations
 
@@ -11,32 +11,32 @@ from dataclasses import dataclass
 __all__ = ["COMMENT_MARKS", "Layout", "recognise"]
 
 COMMENT_MARKS = ("#", "%", "//")
-"""A line that begins with one of these holds no row; above the first row it may hold the columns' names."""
+"""Prefixes of comment lines; above the first row a comment may hold the column names."""
 
 _UNIT = re.compile(
     r"[numkMµμ]?(?:s|sec|V|A|Ah|W|Wh|g|T|G|K|J|N|m|Hz|Pa|rad|[Oo]hm|Ω)"
     r"|min|h|hr|d|C|F|deg|degC|degF|°F|dps|mdps|mdeg|urad|°|°C|bar|rpm|LSB|counts?|sqrt|%"
 )
-"""The words of a unit, between the signs that join them."""
+"""The words of a unit, between joining signs."""
 
 _JOINTS = re.compile(r"[\s/*·.^()√²³\d-]+")
 _CLOCK = re.compile(r"[hH]{1,2}:[mM]{2}:[sS]{2}(?:[.,]\w+)?")
-_LOOKED_AT = 20  # lines at the end of the sample that count as rows, whatever stands above them
+_LOOKED_AT = 20  # lines at the end of the sample that count as rows, whatever precedes them
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Layout:
-    """How a table is written.
+    """Layout of a table.
 
     Attributes:
-        separator: what stands between cells, None for any white space.
-        decimal: the decimal sign, a point or a comma.
-        width: cells in a row.
-        names: the columns' names, empty where the table names none.
-        units: what a line of units below the names says, without brackets; empty where there is none.
+        separator: cell separator, None for any white space.
+        decimal: decimal sign, a point or a comma.
+        width: cells per row.
+        names: column names, empty if the table has none.
+        units: units from a line below the names, without brackets; empty if there is none.
         first: line number of the first row, counted from 1.
-        quoted: whether cells stand in double quotes.
-        empty: places of the columns in which no row that was looked at holds anything, counted from 0.
+        quoted: whether cells are in double quotes.
+        empty: indices of columns that are empty in all examined rows.
     """
 
     separator: str | None
@@ -56,13 +56,13 @@ class Layout:
         return [cell.strip().strip('"') for cell in line.split(self.separator)]
 
     def title(self, place: int) -> str:
-        """Return the name of a column, with its unit in brackets if a line of its own says it; else its number."""
+        """Return the name of a column, with any unit from the units line in brackets; or else its number."""
         unit = self.units[place] if self.units else ""
         name = self.names[place] if self.names else str(place + 1)
         return f"{name} [{unit}]" if unit else name
 
     def number(self, cell: str) -> float | None:
-        """Return the number that a cell holds, or None."""
+        """Parse a cell, None if it is not a number."""
         if "_" in cell or not cell.isascii() or (self.decimal == "," and "." in cell):
             return None
         try:
@@ -72,14 +72,14 @@ class Layout:
 
 
 def recognise(lines: Sequence[str]) -> Layout | None:
-    """Return how a table is written, judged by its first lines, or None where they hold no row of numbers."""
+    """Detect the layout of a table from its first lines, None if they contain no row of numbers."""
     written = [line for line in lines if line.strip() and not line.lstrip().startswith(COMMENT_MARKS)]
     best: tuple[float, float, Layout] | None = None
     for separator, decimal in (("\t", "."), (";", "."), (",", "."), (None, "."), ("\t", ","), (";", ","), (None, ",")):
         guess = Layout(separator=separator, decimal=decimal, width=0, names=(), first=0, quoted=False)
         rows = [guess.cells(line) for line in written[-_LOOKED_AT:]]
         numbers = sum(guess.number(cell) is not None for row in rows for cell in row)
-        # A separator at the end of a row makes an empty cell, which speaks against no separator.
+        # A trailing separator makes an empty cell, which does not count against any separator.
         score = (numbers / max(1, sum(len(row) - (row[-1:] == [""]) for row in rows)), float(numbers))
         if numbers and (best is None or score > best[:2]):
             best = (*score, guess)
@@ -87,10 +87,10 @@ def recognise(lines: Sequence[str]) -> Layout | None:
 
 
 def _placed(lines: Sequence[str], rows: Sequence[str], guess: Layout) -> Layout | None:
-    """Find the first row, and the names in the last line above it that has one for each column, each another.
+    """Find the first row, and the names: the last line above it with a distinct one for each column.
 
-    A line of units below names is not taken for names, nor a comment below a line that holds them. Columns without
-    anything in them need no name: a separator at the end of each row makes one.
+    A units line below names is not taken for names, nor a comment below a line that holds them. Empty columns, such as
+    from trailing separators, need no name.
     """
     split = [guess.cells(line) for line in rows]
     width = Counter(map(len, split)).most_common(1)[0][0]
@@ -128,7 +128,7 @@ def _placed(lines: Sequence[str], rows: Sequence[str], guess: Layout) -> Layout 
 
 
 def _units(cells: Sequence[str]) -> tuple[str, ...]:
-    """Return the cells of a line of units, or nothing if it is another; a cell may be empty or a dash."""
+    """Return the cells of a units line, in which a cell may be empty or a dash; empty if it is not one."""
     bare = [cell.strip("[]") if cell.startswith("[") else cell.strip("-") for cell in cells]
     bare = [cell[1:-1] if cell.startswith("(") and cell.endswith(")") else cell for cell in bare]
     words = [[word for word in _JOINTS.split(cell) if word] for cell in bare if not _CLOCK.fullmatch(cell)]

@@ -1,6 +1,6 @@
-"""Mappings of battery logs of any make: which column holds what, in which unit, and which words say what the cell does.
+"""Column mappings for battery logs of any make: columns, units, and state codes.
 
-A mapping is a YAML file of its own, so that the logs of one cycler need one, whatever their options.
+A mapping is a YAML file of its own, so that one serves all logs of a cycler, whatever the options of the analysis.
 """
 
 from __future__ import annotations
@@ -33,19 +33,19 @@ UNITS: Keys[str, Keys[str, float]] = {
     "charge": {"Ah": 1.0, "mAh": 1e-3, "As": 1.0 / 3600.0},
     "energy": {"Wh": 1.0, "mWh": 1e-3, "J": 1.0 / 3600.0},
 }
-"""Units by quantity: the first is the one that is computed in, the numbers are factors to it; K has an offset, too."""
+"""Units by quantity: the first is used internally, the numbers are factors to it; K also has an offset."""
 
 _KELVIN = 273.15
 _SUFFIX = re.compile(r"(?:[/(\[]\s*([^/()\[\]]+?)\s*[)\]]?|[\s_.,]([^\s_.,/()\[\]]+))\s*$")
-_RESTS = 0.02  # of the usual current: below it nothing flows that a direction could be asked of
-_HALF = 0.5  # of what a counter had: it starts over where it falls below, and does not merely round
+_RESTS = 0.02  # of the typical current: below it the direction is undefined
+_HALF = 0.5  # of a counter's last value: it restarted where it falls below, beyond rounding
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Columns:
-    """Columns by number or name, empty where there is none.
+    """Columns by number or name, empty where absent.
 
-    The number of the `step` tells a time that starts over also after a step of one row.
+    The `step` number reveals a restart of the time even after a step of one row.
     Without `discharge`, `charge` counts in both directions, as does `charge_energy` without `discharge_energy`.
     """
 
@@ -64,7 +64,7 @@ class Columns:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Units:
-    """Units of columns whose names do not say them; those of `charge` and `energy` hold in both directions."""
+    """Units of columns whose names do not state them; those of `charge` and `energy` apply in both directions."""
 
     time: Annotated[str, one_of("", "s", "ms", "us", "ns", "min", "h", "d")] = ""
     voltage: Annotated[str, one_of("", *UNITS["voltage"])] = ""
@@ -85,7 +85,7 @@ class States:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cell:
-    """What is known of the cell: capacity in Ah, energy in Wh, limits in V, and the current in A that ends a charge."""
+    """Prior knowledge of the cell: capacity [Ah], energy [Wh], voltage limits [V], and end-of-charge current [A]."""
 
     capacity: Positive | None = None
     energy: Positive | None = None
@@ -96,7 +96,7 @@ class Cell:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Accuracy:
-    """Bounds of the errors of the meters: gains as parts, such as 0.001 for 0.1 %, offsets in A and V."""
+    """Error limits of the meters: relative gains, such as 0.001 for 0.1 %, and offsets in A and V."""
 
     current_gain: NotNegative | None = None
     current_offset: NotNegative | None = None
@@ -106,17 +106,17 @@ class Accuracy:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mapping:
-    """How the logs of a cycler are read.
+    """Mapping for the logs of a cycler.
 
     Attributes:
-        columns: which hold what.
-        units: of columns whose names do not say them.
-        states: what the words of the column `state` mean.
-        discharge_positive: whether a current above zero discharges.
-        time_restarts: what it means that the time starts over: `step`, it is that of a step, which begins where the one
-            before ended; `run`, it is that of a run, and nobody knows what lies between; empty if it does not.
-        cell: what is known of the cell.
-        accuracy: of the meters.
+        columns: columns by content.
+        units: units of columns whose names do not state them.
+        states: meaning of the `state` column's codes.
+        discharge_positive: whether positive current discharges.
+        time_restarts: what restarts the time column: `step`, where each step begins at the end of the previous one;
+            `run`, with unknown time between runs; empty if it does not restart.
+        cell: prior knowledge of the cell.
+        accuracy: error limits of the meters.
     """
 
     columns: Columns = field(default_factory=Columns)
@@ -130,15 +130,15 @@ class Mapping:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mapped:
-    """The columns of a log; arrays of one length.
+    """The mapped columns of a log; arrays of the same length.
 
     Attributes:
-        time: as it is written, in s where it was that of a clock.
-        clocked: whether it was.
-        names: of the columns, by the fields of `Columns`.
-        columns: likewise the numbers, in V, A, degC, Ah and Wh; the current is above zero where it charges.
-        contradicted: rows, counted from 0, whose current has not the direction that the state says, or flows in a rest.
-        remarks: what was understood in another way than it was written, or left out.
+        time: time as written, in s if it was a clock time.
+        clocked: whether it was a clock time.
+        names: column names, by the fields of `Columns`.
+        columns: likewise the values, in V, A, degC, Ah and Wh; current is positive for charging.
+        contradicted: indices of rows whose current disagrees with the state, or flows in a rest.
+        remarks: reinterpretations and omissions, in sentences.
     """
 
     time: NDArray[np.float64]
@@ -149,16 +149,16 @@ class Mapped:
     remarks: tuple[str, ...]
 
     def counted(self, quantity: str, seconds: NDArray[np.float64]) -> tuple[NDArray[np.float64] | None, float | None]:
-        """Return the instrument's own net count of `charge` or `energy` at each row, and all of it; None without one.
+        """Return the instrument's net counter of `charge` or `energy` per row, and its total; None without a counter.
 
-        A counter that never moves is none.
+        A counter that never changes is ignored.
 
-        A counter that falls back starts over: from zero where the row before rests; else the samples stand for what
-        flowed between the two rows, which no count holds.
+        A counter that falls back has restarted: from zero if the previous row is at rest; otherwise the samples stand
+        in for the uncounted amount between the two rows.
 
         Args:
-            quantity: which.
-            seconds: when the rows were logged.
+            quantity: `charge` or `energy`.
+            seconds: times of the rows [s].
         """
         into, out = ("charge", "discharge") if quantity == "charge" else ("charge_energy", "discharge_energy")
         if into not in self.columns:
@@ -186,16 +186,16 @@ def _usual(size: NDArray[np.float64]) -> float:
 
 
 def _held(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return values with the one before in place of each that is no number, zero at the beginning."""
+    """Return values with NaN replaced by the previous value, or zero at the beginning."""
     known = np.maximum.accumulate(np.where(np.isfinite(values), np.arange(values.size), 0))
     return np.nan_to_num(values[known])
 
 
 def load(path: Path) -> Mapping:
-    """Read a mapping.
+    """Load a mapping.
 
     Raises:
-        InvalidDocument: everything that is wrong with it, each with its line and column.
+        InvalidDocument: with every error, each with its line and column.
     """
     findings = Findings()
     document = read_document(path, str(path), findings, Mapping, schema=_SCHEMA)
@@ -206,7 +206,7 @@ def load(path: Path) -> Mapping:
 
 
 def read(file: Path, mapping: Mapping, *, named: str = "the mapping") -> Mapped:
-    """Read the columns of a log.
+    """Read the mapped columns of a log.
 
     Args:
         file: the log.
@@ -214,7 +214,7 @@ def read(file: Path, mapping: Mapping, *, named: str = "the mapping") -> Mapped:
         named: the mapping's own file, for errors.
 
     Raises:
-        Refused: what `hil.logs.columns.read` refuses, a unit that cannot be, a state that the mapping does not have.
+        Refused: as `hil.logs.columns.read`, or an invalid unit, or a state missing from the mapping.
     """
     wanted = {each.name: getattr(mapping.columns, each.name) for each in fields(Columns)}
     wanted = {name: column for name, column in wanted.items() if column}
@@ -236,7 +236,7 @@ def read(file: Path, mapping: Mapping, *, named: str = "the mapping") -> Mapped:
 
 
 def _state_of(mapping: Mapping, named: str) -> dict[str, Reading]:
-    """Return how the cells of the column of states are read: 1 for a charge, -1 for a discharge, 0 for a rest."""
+    """Return the parser of the state column: 1 for charge, -1 for discharge, 0 for rest."""
     words = [*mapping.states.charge, *mapping.states.discharge, *mapping.states.rest]
     twice = next((word for word in words if words.count(word) > 1), None)
     if twice is not None:
@@ -261,7 +261,7 @@ def _state_of(mapping: Mapping, named: str) -> dict[str, Reading]:
 
 
 def _scaled(table: Table, names: Keys[str, str], units: Units, remarks: list[str]) -> dict[str, NDArray[np.float64]]:
-    """Return the columns in the units that are computed in, with a remark for each whose name says another."""
+    """Convert the columns to internal units, with a remark for each whose name states a different one."""
     columns = dict(zip(names, np.where(np.isinf(table.values), np.nan, table.values).T, strict=True))
     quantities = {name: name for name in ("voltage", "current", "temperature")}
     quantities |= dict.fromkeys(("charge", "discharge"), "charge")
@@ -280,7 +280,7 @@ def _scaled(table: Table, names: Keys[str, str], units: Units, remarks: list[str
 
 
 def _told(column: str, quantity: str) -> str:
-    """Return the unit that a column's name ends in, such as `Current(mA)`, `I/mA` or `Q charge/mA.h`; or nothing."""
+    """Return the unit at the end of a column's name, such as `Current(mA)`, `I/mA` or `Q charge/mA.h`; or empty."""
     found = _SUFFIX.search(column)
     if found is None:
         return ""
@@ -289,7 +289,7 @@ def _told(column: str, quantity: str) -> str:
 
 
 def _directed(columns: dict[str, NDArray[np.float64]]) -> NDArray[np.int64]:
-    """Give the current the direction of its state, and return the rows where both contradict each other."""
+    """Sign an unsigned current by its state, and return the rows where current and state disagree."""
     state, current = columns["state"], columns["current"]
     size = np.abs(current)
     flows = size > _RESTS * _usual(size)
@@ -304,12 +304,12 @@ def _directed(columns: dict[str, NDArray[np.float64]]) -> NDArray[np.int64]:
 def restarted(
     time: NDArray[np.float64], how: str, step: NDArray[np.float64] | None = None
 ) -> tuple[NDArray[np.float64], NDArray[np.int64] | None, tuple[str, ...]]:
-    """Return a time that starts over as one that runs on, the number of each row's stretch, and remarks.
+    """Return a restarting time as a continuous one, the stretch number of each row, and remarks.
 
     Args:
-        time: in s.
-        how: `step` or `run`, see `Mapping`; the stretches are None for a step.
-        step: number of the step of each row, None if it is not known.
+        time: time [s].
+        how: `step` or `run`, see `Mapping`; the stretches are None for `step`.
+        step: step number of each row, None if unknown.
     """
     good = np.isfinite(time)
     if not good.all():

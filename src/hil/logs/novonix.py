@@ -27,13 +27,13 @@ _NEEDED = 3  # of the columns above
 
 
 def read(path: Path) -> BatteryLog:
-    """Read a Novonix file; columns are found by their names in the header of `[Data]`.
+    """Read a Novonix file, finding columns by name in the header of `[Data]`.
 
     Args:
         path: the file.
 
     Raises:
-        Refused: no such file, no `[Data]`, no column of time, voltage or current, no whole row.
+        Refused: no such file, no `[Data]`, no column of time, voltage or current, or no complete row.
     """
     lines = lines_of(path)
     start = _data(path, lines)
@@ -75,7 +75,7 @@ def _data(path: Path, lines: Sequence[str]) -> int:
 
 
 def _place(header: Sequence[str], name: str) -> int | None:
-    """Return where a column is; the name of the temperature goes on with a degree sign in some code."""
+    """Return the index of a column; the temperature's name ends in a degree sign of varying encoding."""
     fitting = [
         place for place, cell in enumerate(header) if cell == name or (name[-1] == "(" and cell.startswith(name))
     ]
@@ -83,7 +83,7 @@ def _place(header: Sequence[str], name: str) -> int | None:
 
 
 def _rows(lines: Sequence[str], width: int, places: Sequence[int]) -> tuple[list[list[float]], int]:
-    """Return the whole rows' chosen numbers, and how many lines were torn."""
+    """Return the selected numbers of complete rows, and the number of torn lines."""
     rows, torn = [], 0
     for line in lines:
         text = line.strip()

@@ -1,8 +1,8 @@
-"""Plain tables as numbers, many cells at once: arithmetic on the bytes of a block of lines.
+"""Vectorised parsing of plain tables: many cells at once, by arithmetic on the bytes of a block of lines.
 
-Eight digits are one word of eight bytes, which three multiplications turn into a number. What comes out is what `float`
-gives, to the last bit: a mantissa below 2^53 and a power of ten up to 10^22 are exact, so that one division rounds only
-once; longer ones are divided with 64 bits, and where that might be near to the middle of two numbers, `float` decides.
+Eight digits are one word of eight bytes, which three multiplications turn into a number. Results equal those of `float`
+to the last bit: a mantissa below 2^53 and a power of ten up to 10^22 are exact, so that one division rounds only once;
+longer ones are divided with 64 bits, and `float` decides those close to the midpoint of two numbers.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _Words: TypeAlias = NDArray[np.uint64]
 _Places: TypeAlias = NDArray[np.int64]
 
 MARGIN = 32
-"""Bytes that must lie before the first line of a block."""
+"""Bytes required before the first line of a block."""
 
 _LINE, _RETURN, _SPACE, _TAB, _MINUS, _PLUS, _ZERO = b"\n\r \t-+0"
 _MARKS = b"eE"
@@ -45,7 +45,7 @@ _LONG_POWERS = np.cumprod(np.array([1] + [10] * _LONG_POWER, dtype=np.longdouble
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cells:
-    """Where the cells of a block are.
+    """Positions of the cells of a block.
 
     Attributes:
         block: the bytes.
@@ -65,26 +65,26 @@ class Cells:
     signs: Mapping[int, int] | None = None
 
     def __len__(self) -> int:
-        """Return how many rows there are."""
+        """Return the number of rows."""
         return int(self.places.shape[0] if self.places.ndim == _ROWS else self.last.shape[0])
 
     @property
     def beginnings(self) -> frozenset[int]:
-        """The bytes with which lines begin."""
+        """The first bytes of lines."""
         ends = self.places[:-1, -1] if self.places.ndim == _ROWS else self.places[self.last[:-1, -1]]
         if self.starts is not None:
             return frozenset(np.flatnonzero(np.bincount(self.block[self.starts[:, 0]])).tolist())
         return frozenset(np.flatnonzero(np.bincount(self.block[np.append(ends + 1, MARGIN)])).tolist())
 
     def texts(self, column: int, rows: NDArray[np.intp]) -> list[bytes]:
-        """Return the cells of a column in some rows, as they are written."""
+        """Return the cells of a column in some rows as bytes."""
         if not rows.size:
             return []
         starts, ends, *_ = self.found(column)
         return [self.block[starts[row] : ends[row]].tobytes() for row in rows.tolist()]
 
     def found(self, column: int) -> tuple[_Places, _Places, _Places, NDArray[np.bool_] | None, bool]:
-        """Return where the cells of a column are.
+        """Return the positions of a column's cells.
 
         Starts, ends, decimal signs (or ends), which cells hold more than one, and whether each is known to hold one.
         """
@@ -123,11 +123,11 @@ class Cells:
 
 
 def plain(text: bytes, separator: str | None, decimal: str, width: int, columns: Sequence[int] = ()) -> Cells | None:
-    """Find the cells of whole lines; None unless each line is a row of as many cells.
+    """Find the cells of whole lines; None unless each line is a row of `width` cells.
 
     Args:
         text: MARGIN line ends, then lines, the last with its end too.
-        separator: what stands between cells, None for any white space.
+        separator: cell separator, None for any white space.
         decimal: the decimal sign.
         width: cells in a row.
         columns: those that will be asked for, counted from 0: decimal signs of others need not be found.
@@ -200,7 +200,7 @@ def _alike(
 
 
 def _in_lines(block: _Bytes, closing: NDArray[Any], starts: NDArray[Any] | None, width: int) -> bool:
-    """Tell whether each row's last cell ends its line, so that no cell belongs to another line."""
+    """Return whether each row's last cell ends its line, so that no cell belongs to another line."""
     if starts is None:
         return bool((block[closing] == _LINE).all())
     if starts.size != closing.size * width:
@@ -210,7 +210,7 @@ def _in_lines(block: _Bytes, closing: NDArray[Any], starts: NDArray[Any] | None,
 
 
 def numbers(cells: Cells, column: int) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
-    """Return the numbers of a column, and the rows in which the cell is none that is plainly written.
+    """Parse a column, and return its numbers and the rows whose cell is not a plain number.
 
     Args:
         cells: where the block's cells are.
@@ -239,7 +239,7 @@ def numbers(cells: Cells, column: int) -> tuple[NDArray[np.float64], NDArray[np.
 
 
 def _strip(block: _Bytes, starts: _Places, ends: _Places) -> None:
-    """Move starts and ends past white space."""
+    """Strip white space from the cells' starts and ends."""
     for _ in range(MARGIN):
         first = block[starts]
         blank = ((first == _SPACE) | (first == _TAB)) & (starts < ends)

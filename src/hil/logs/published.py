@@ -1,4 +1,4 @@
-"""Printed tables in CSV files, and jobs that say which of them was computed from which."""
+"""Published tables in CSV files, and jobs that state how they were computed from each other."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _BLANK = frozenset({"", "-", "--", "\u2013", "\u2014", "n/a", "N/A"})
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SheetCell:
-    """The text of a cell, and where it stands."""
+    """The text of a cell and its position."""
 
     text: str
     place: Place
@@ -34,7 +34,7 @@ class SheetCell:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sheet:
-    """A table of texts: names of rows and columns, and what is in the cells that are not blank, by row and column."""
+    """A table of texts: row and column names, and non-blank cells by row and column."""
 
     name: str
     rows: tuple[str, ...]
@@ -51,7 +51,7 @@ class Source:
         name: of the table, that of the file by default; with `split`, what stands before each table's name.
         split: the column that says to which table a row belongs; empty where the file is one table.
         rows: the columns that name a row together; the first one by default.
-        digits: significant digits to which each number was rounded, `exact` for none; empty takes those that are there.
+        digits: significant digits to which each number was rounded, `exact` for none; empty for the digits as printed.
     """
 
     file: Text
@@ -72,7 +72,7 @@ class OneFormula:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Statement:
-    """That a published table was computed from others.
+    """Statement that a published table was computed from others.
 
     Attributes:
         published: its name.
@@ -91,7 +91,7 @@ class Statement:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Job:
-    """What is to be checked; see `docs/how-to/check-a-published-table.md`."""
+    """A verification job; see `docs/how-to/check-a-published-table.md`."""
 
     title: AnyText = ""
     source: AnyText = ""
@@ -103,8 +103,8 @@ def read_job(file: Path, findings: Findings) -> Document[Job]:
     """Read a job.
 
     Raises:
-        Refused: the file is none.
-        ConfigurationError: everything that is wrong with it, each with its line and column.
+        Refused: the file is not a job.
+        ConfigurationError: with every error, each with its line and column.
     """
     document = read_document(file, str(file), findings, Job, schema=_SCHEMA)
     findings.raise_if_any()
@@ -114,7 +114,7 @@ def read_job(file: Path, findings: Findings) -> Document[Job]:
 
 
 def read_sheets(source: Source, folder: Path, findings: Findings) -> tuple[Sheet, ...]:
-    """Read the tables of a file; everything that is wrong is noted, with its line and column."""
+    """Read the tables of a file, collecting every error with its line and column."""
     file = folder / source.file
     data = read_bytes(file, str(file), findings)
     text = None if data is None else decoded(data, str(file), findings)
@@ -122,7 +122,7 @@ def read_sheets(source: Source, folder: Path, findings: Findings) -> tuple[Sheet
 
 
 class _Grid:
-    """The cells of one file, with the place of each."""
+    """The cells of one file with their positions."""
 
     def __init__(self, text: str, file: str, source: Source, findings: Findings) -> None:
         self._file, self._source, self._findings = file, source, findings
@@ -189,7 +189,7 @@ class _Grid:
         return 0
 
     def _cells(self, line: str) -> list[tuple[int, str]]:
-        """Return the cells of a line, each with the column in which it begins."""
+        """Return the cells of a line, each with its starting column."""
         cells = next(csv.reader(io.StringIO(line), delimiter=self._separator, skipinitialspace=True))
         placed, at = [], 0
         for cell in cells:
@@ -210,11 +210,11 @@ def _meant(line: str) -> bool:
 
 
 def _bare(name: str) -> str:
-    """Return the name of a column without its unit in square brackets."""
+    """Return a column's name without its unit in square brackets."""
     return name.partition("[")[0].strip() or name
 
 
 def _with_point(cell: str) -> str:
-    """Return a number that was written with a comma, in a file whose cells commas do not separate, with a point."""
+    """Return a number with a decimal comma, in a file not separated by commas, with a point."""
     whole, comma, rest = cell.partition(",")
     return f"{whole}.{rest}" if comma and whole.lstrip("+-").isdigit() and rest[:1].isdigit() else cell
