@@ -1,7 +1,7 @@
-"""Numbers from arrays: noise, magnetics and statistics, usable from any notebook.
+"""Analyses of arrays: noise, calibration, batteries, magnetics and statistics, usable from any notebook.
 
-The names that plans use are available here directly: `from hil.analysis import characterise`. Names are imported on
-first use, so that unused modules cost no start-up time.
+Everything that plans use is available here under one name: `from hil.analysis import characterise`. Names are imported
+lazily, so that unused modules cost no start-up time.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Gates on what must not change: the mean, the noise, counts that never wrap, and the sensor behind the samples."""
+"""Gates on changes within a record: jumps of the mean, changes of noise, wrapped counts and interleaved sensors."""
 
 from __future__ import annotations
 
@@ -16,31 +16,31 @@ __all__ = ["interleaved", "jumps", "steady", "wrapped"]
 
 _Array: TypeAlias = NDArray[np.float64]
 
-_WIDTHS = (16, 32, 64, 128, 256)  # samples that are averaged before the mean is looked at
-_FEWEST = 30  # averages from which a jump is told
-_BEFORE = 4  # averages before a jump: what settles as a record begins is no jump
-_BY_CHANCE = 1e-6  # records of noise in which one is found
-_AROUND, _WIDEST = 8, 3  # averages on either side of a jump, and how many of them it may take
-_BLOCK = 1 << 14  # samples that are looked at at once, within the processor's cache
-_PARTS = 8  # of a record, whose noise is compared
-_ENOUGH = 100_000  # differences that tell their scatter to half a percent
-_LOOKED_AT = 20_000  # samples of a part that tell its noise
-_LOUDER = 1.25  # times: noise that differs by less is one noise
-_SURE = 5.0  # standard deviations beyond which a difference is no chance
-_CUT = 4.0  # standard deviations beyond which a sample counts no more: a spike is no change of noise
+_WIDTHS = (16, 32, 64, 128, 256)  # samples averaged before testing the mean
+_FEWEST = 30  # averages needed to detect a jump
+_BEFORE = 4  # averages before a jump: settling at the start of a record is not a jump
+_BY_CHANCE = 1e-6  # false-alarm probability per record of noise
+_AROUND, _WIDEST = 8, 3  # averages on either side of a jump, and the most that it may span
+_BLOCK = 1 << 14  # samples processed at once, within the processor's cache
+_PARTS = 8  # parts of a record whose noise is compared
+_ENOUGH = 100_000  # differences that give their scatter to half a percent
+_LOOKED_AT = 20_000  # samples of a part used for its noise
+_LOUDER = 1.25  # ratio below which noise counts as unchanged
+_SURE = 5.0  # standard deviations beyond which a difference is significant
+_CUT = 4.0  # standard deviations at which samples are clipped: a spike is not a change of noise
 _TURNS = {2: "other", 3: "third", 4: "fourth", 5: "fifth", 6: "sixth"}  # sensors that may take turns in one column
-_ROUNDING = 1e-3  # of the scatter of the record: what is off by less is none
-_APART, _NO_CHANCE = 0.3, 8.0  # of the scatter that samples of one turn are off, and standard deviations of that
-_LEAST = 50  # counts whose bytes are looked at
+_ROUNDING = 1e-3  # of the scatter of the record: a smaller offset is none
+_APART, _NO_CHANCE = 0.3, 8.0  # least offset of one turn's samples over the scatter, and its standard deviations
+_LEAST = 50  # counts needed to judge the byte order
 _WORDS = (8, 10, 12, 14, 16, 18, 20, 24, 32)  # bits of a count
-_SWAPPED = 8.0  # times less scatter when the bytes are put in the other order
+_SWAPPED = 8.0  # least reduction of scatter by swapping the bytes
 
 
 def jumps(channel: str, values: _Array) -> Gate:
     """Trip where the mean jumps and stays there, as after a reset; a random walk and a warm-up do not jump.
 
-    Averages over 16 to 256 samples are compared with the last but one. s is the robust scatter of these
-    differences; noise and slow drift pass the limit of about 6 s once in a million records. The neighbours must be
+    Averages over 16 to 256 samples are compared with the last but one. s is the robust scatter of these differences;
+    noise and slow drift exceed the limit of about 6 s once in a million records. The neighbourhood must be
     quiet.
     """
     name, means, width = "jumps", averaged(values, 4), 4
@@ -76,9 +76,9 @@ def jumps(channel: str, values: _Array) -> Gate:
 
 
 def steady(channel: str, values: _Array) -> Gate:
-    """Trip where the noise of one part of a record is 1.25 times that of the rest, and more than chance makes.
+    """Trip where the noise of one part of a record is 1.25 times that of the rest, beyond chance.
 
-    The noise is that of samples against the mean of their neighbours, so that drift plays no part.
+    Noise is measured against the mean of neighbouring samples, so that drift has no effect.
     """
     name = "steady"
     power, count = np.zeros(_PARTS), np.zeros(_PARTS)
@@ -107,7 +107,7 @@ def steady(channel: str, values: _Array) -> Gate:
 
 
 def _off(values: _Array) -> _Array:
-    """Return how far samples are off the mean of their neighbours; of a long record, a part is examined."""
+    """Return the deviations of samples from the mean of their neighbours, for a subset of a long record."""
     if values.size < _PARTS:
         return np.empty(0)
     every = max(1, (values.size - 2) // _LOOKED_AT)
@@ -116,10 +116,10 @@ def _off(values: _Array) -> _Array:
 
 
 def interleaved(channel: str, values: _Array) -> Gate:
-    """Trip where every second to sixth sample differs from those between: several sensors alternate in one column.
+    """Trip where every second to sixth sample is offset from the others: several sensors share one column.
 
-    Their offsets fade from averages over whole turns, and from others as quantisation does; what is left is not the
-    noise of any of them. A line at such a part of the rate trips as well. The drift of the record is removed.
+    Their offsets cancel in averages over whole turns, and decrease in others like quantisation; the result is not the
+    noise of any of them. A spectral line at such a fraction of the rate trips too. The record is detrended first.
     """
     name = "interleaved"
     for turns, which in _TURNS.items():
@@ -140,10 +140,10 @@ def interleaved(channel: str, values: _Array) -> Gate:
 
 
 def wrapped(channel: str, values: _Array, facts: Facts) -> Gate:
-    """Trip where counts wrap at the end of their range, or have their bytes swapped.
+    """Trip where counts wrap at the end of their range, or have their bytes in the wrong order.
 
-    Neighbours then differ by nearly 2^n counts, and by little once 2^n is added or subtracted: signed counts that were
-    read as unsigned, or counts that overflow.
+    Neighbours then differ by nearly 2^n counts, and by little once 2^n is added or subtracted: signed counts read as
+    unsigned, or counts that overflow.
     """
     name = "wrapped"
     lsb = facts.lsb or step_of(values)

@@ -1,4 +1,4 @@
-"""A coil as a part: its expected field, its resistance, and the linearity of its field over the current."""
+"""Characterisation of a coil: expected field, resistance, and linearity of its field with current."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def on_axis_rectangle(turns: float, side_a: float, side_b: float, distance: floa
 
     Sum of four straight wires (Biot and Savart): with D^2 = z^2 + a^2/4 + b^2/4,
     B = mu0 N I a b / (4 pi D) (1 / (z^2 + a^2/4) + 1 / (z^2 + b^2/4)); for a = b it is the square's
-    mu0 N I a^2 / (2 pi (z^2 + a^2/4) sqrt(z^2 + a^2/2)). No iron, and every turn in one place.
+    mu0 N I a^2 / (2 pi (z^2 + a^2/4) sqrt(z^2 + a^2/2)). Air core, with all turns in one place.
 
     Args:
         turns: number of turns.
@@ -51,7 +51,7 @@ def on_axis_rectangle(turns: float, side_a: float, side_b: float, distance: floa
 
 @traced
 def expected_field(turns: float, side_a: Figure, side_b: Figure, distance: Figure, current: Figure) -> Figure:
-    """Return `on_axis_rectangle` in uT with the uncertainties of its arguments propagated (GUM 10).
+    """Return `on_axis_rectangle` in uT, with the uncertainties of its arguments propagated (GUM 10).
 
     Args:
         turns: number of turns, exact.
@@ -71,14 +71,14 @@ def expected_field(turns: float, side_a: Figure, side_b: Figure, distance: Figur
 
 @traced
 def field_ratio(measured: Figure, expected: Figure, *, gain: float = 0.0) -> Figure:
-    """Return measured over expected field in `1`; below zero where the field points the wrong way.
+    """Return the ratio of measured to expected field in `1`; negative where the field points the wrong way.
 
-    First order, all independent. An expectation of zero has no ratio.
+    Uncertainty to first order, all inputs independent. Not observable for an expected field of zero.
 
     Args:
         measured: along the normal.
         expected: along the normal, in the same unit.
-        gain: relative standard uncertainty of the magnetometer's scale, which repetitions do not show.
+        gain: relative standard uncertainty of the magnetometer's scale, which repetitions do not reveal.
     """
     above, below = _values([measured, expected], measured.unit).tolist()
     if not math.isfinite(above + below) or not below:
@@ -93,10 +93,10 @@ def field_ratio(measured: Figure, expected: Figure, *, gain: float = 0.0) -> Fig
 def resistance(voltages: Sequence[Figure], currents: Sequence[Figure]) -> Figure:
     """Return the resistance in ohm from pairs of voltage and current.
 
-    R = sum(V I) / sum(I^2), the straight line through the origin: a reading without current counts nothing, and equal
+    R = sum(V I) / sum(I^2), the straight line through the origin: a reading without current has no weight, and equal
     currents of both signs cancel a constant voltage. Uncertainty to first order (GUM 13): the readings of one
-    instrument share its errors, so voltages are added as fully correlated, currents too, and the scatter about the
-    line (degrees of freedom n - 1) on top. One unknown uncertainty makes that of the resistance unknown.
+    instrument share its errors, so voltages are treated as fully correlated, currents too, and the scatter about the
+    line (n - 1 degrees of freedom) is added. One unknown uncertainty makes that of the resistance unknown.
 
     Args:
         voltages: in V, with sign.
@@ -127,14 +127,14 @@ def resistance(voltages: Sequence[Figure], currents: Sequence[Figure]) -> Figure
 
 @traced
 def copper_at(measured: Figure, temperature: Figure, *, reference: float = _REFERENCE) -> Figure:
-    """Return a copper resistance measured at one temperature, converted to another.
+    """Convert a copper resistance measured at one temperature to another.
 
     R_ref = R (1 + a (T_ref - 20)) / (1 + a (T - 20)), a = 0.00393 per K taken as exact (IEC 60028, annealed copper).
 
     Args:
         measured: resistance in ohm.
-        temperature: of the copper at that time, in degC.
-        reference: temperature in degC of the result.
+        temperature: temperature of the copper during the measurement [degC].
+        reference: temperature of the result [degC].
     """
     now = 1 + _COPPER * (float(_values([temperature], "degC")[0]) - _REFERENCE)
     ohm = float(_values([measured], "ohm")[0])
@@ -148,18 +148,18 @@ def copper_at(measured: Figure, temperature: Figure, *, reference: float = _REFE
 
 @traced
 def linearity(currents: Sequence[Figure], fields: Sequence[Figure], *, significant: float = 5.0) -> Figure:
-    """Return the largest distance of the fields from a straight line over the current, relative to full scale.
+    """Return the largest deviation of the field from a straight line over the current, relative to full scale.
 
-    The line is a weighted least squares fit with an intercept. Weights are 1 / u^2, with u from the field and, by the
-    slope, from the current; all weights are equal where an uncertainty is unknown or zero. Full scale is the largest
-    |field|. The uncertainty is that of the one distance, to first order: r = (1 - H) B with covariance
-    (1 - H) diag(u^2) (1 - H)^T. The largest of several distances is biased upwards, so an upper limit stays safe.
-    Currents that differ only by their noise, as with a welded contact, define no line.
+    The line is a weighted least-squares fit with an intercept. Weights are 1 / u^2, with u from the field and, through
+    the slope, from the current; all weights are equal where an uncertainty is unknown or zero. Full scale is the
+    largest |field|. The uncertainty is that of the one deviation, to first order: r = (1 - H) B with covariance (1 - H)
+    diag(u^2) (1 - H)^T. The largest of several deviations is biased upwards, so an upper limit stays safe. Not
+    observable for currents that differ only by noise, as with a welded contact.
 
     Args:
         currents: in A, with sign; at least three different ones.
         fields: along the normal, in one unit; the pairs of `currents`.
-        significant: how many of the largest standard uncertainty the currents must be apart.
+        significant: least spread of the currents, in multiples of their largest standard uncertainty.
     """
     if len(currents) != len(fields):
         raise ValueError(f"{len(currents)} currents need as many fields, got {len(fields)}")
@@ -184,7 +184,7 @@ def linearity(currents: Sequence[Figure], fields: Sequence[Figure], *, significa
 
 @traced
 def line_residuals(currents: Sequence[Figure], fields: Sequence[Figure]) -> NDArray[np.float64]:
-    """Return the height of each field above the straight line of `linearity`, NaN if there is no line.
+    """Return the residual of each field from the straight line of `linearity`, shape (n,); NaN if there is no line.
 
     Args:
         currents: in A, with sign; at least three different ones.
@@ -209,7 +209,7 @@ def _microtesla(turns: float, point: Sequence[float]) -> float:
 
 
 def _slope(turns: float, point: Sequence[float], index: int) -> float:
-    """Return the derivative of the expected field by one argument, as a central difference."""
+    """Return the derivative of the expected field with respect to one argument, by central difference."""
     step = 1e-6 * (abs(point[index]) or 1e-3)
     low, high = list(point), list(point)
     low[index] -= step
@@ -218,7 +218,7 @@ def _slope(turns: float, point: Sequence[float], index: int) -> float:
 
 
 def _values(figures: Sequence[Figure], unit: str) -> NDArray[np.float64]:
-    """Return the values of figures that must all be in one unit; NaN for what was not measured."""
+    """Return the values of figures, all in one unit; NaN where not measured."""
     for figure in figures:
         if figure.unit != unit:
             raise ValueError(f"expected figures in {unit!r}, got one in {figure.unit!r}")
@@ -236,7 +236,7 @@ def _uncertainties(figures: Sequence[Figure]) -> NDArray[np.float64] | None:
 def _line_uncertainties(
     currents: Sequence[Figure], fields: Sequence[Figure], amperes: NDArray[np.float64], field: NDArray[np.float64]
 ) -> NDArray[np.float64] | None:
-    """Return the uncertainty of each field with that of its current carried over by the slope."""
+    """Return the uncertainty of each field, that of its current propagated through the slope included."""
     of_currents, of_fields = _uncertainties(currents), _uncertainties(fields)
     if of_currents is None or of_fields is None:
         return None
@@ -246,7 +246,7 @@ def _line_uncertainties(
 
 
 def _hat(amperes: NDArray[np.float64], spread: NDArray[np.float64] | None) -> NDArray[np.float64]:
-    """Return the matrix H that takes measured fields to the fitted line."""
+    """Return the hat matrix H, from measured to fitted fields."""
     weights = np.ones(amperes.size) if spread is None or not spread.all() else 1 / spread
     design = np.column_stack([np.ones(amperes.size), amperes])
     solved: NDArray[np.float64] = np.linalg.pinv(weights[:, None] * design) * weights

@@ -1,8 +1,8 @@
-"""Comparison of figures: how much two differ and whether that is significant, and which of several is the best.
+"""Comparison of figures: deviation of two with its significance, and ranking of several.
 
-Two figures are distinguished if their difference exceeds what their uncertainties explain: t = |b - a| / u with
-u^2 = u_a^2 + u_b^2, against Student's distribution with the effective degrees of freedom (JCGM 100:2008, G.4). The
-errors of the two are taken as independent.
+Two figures are distinguishable where their difference exceeds what their uncertainties explain: t = |b - a| / u with
+u^2 = u_a^2 + u_b^2, against Student's distribution with the effective degrees of freedom (JCGM 100:2008, G.4). Their
+errors are taken as independent.
 """
 
 from __future__ import annotations
@@ -18,21 +18,21 @@ from hil.model.figure import Figure, FigureStatus, effective_dof
 __all__ = ["Deviation", "Place", "Ranking", "normalised_error", "rank", "relative_deviation"]
 
 _CONFIDENCE = 0.95
-_DECIMALS = 10  # of a deviation: what follows is rounding of the two figures, which cancels differently every time
+_DECIMALS = 10  # of a deviation: further digits are rounding of the two figures
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Deviation:
-    """By how much a second figure deviates from a first one.
+    """Deviation of a second figure from a first.
 
     Attributes:
-        relative: (second - first) / |first|, in unit 1; NOT_OBSERVABLE where one of the two is not measured, or if the
-            first cannot be distinguished from zero.
-        difference: second - first, in the unit of the figures, whether or not the first can be distinguished from zero;
+        relative: (second - first) / |first|, in unit 1; NOT_OBSERVABLE where one of the two is not measured, or the
+            first is indistinguishable from zero.
+        difference: second - first, in the unit of the figures, even if the first is indistinguishable from zero;
             NOT_OBSERVABLE where one of the two is not measured.
-        probability: that equal figures differ as much by chance; NaN if unknown.
-        significant: whether the difference is beyond what the uncertainties explain.
-        remark: what can be said of the difference, as a sentence without its full stop.
+        probability: p-value: that equal figures differ this much by chance; NaN where it is unknown.
+        significant: whether the difference exceeds what the uncertainties explain.
+        remark: conclusion on the difference, a sentence without its full stop.
     """
 
     relative: Figure
@@ -44,17 +44,17 @@ class Deviation:
 
 @traced
 def relative_deviation(first: Figure, second: Figure, *, confidence: float = _CONFIDENCE) -> Deviation:
-    """Return the deviation of a second figure from a first one, (second - first) / |first|, and its significance.
+    """Return the deviation of a second figure from a first, (second - first) / |first|, and its significance.
 
-    Its standard uncertainty is sqrt(u_2^2 + (x_2 / x_1)^2 u_1^2) / |x_1|, to first order, which is good while the first
-    figure is known to 30 % or better. The probability is that of the difference itself, and holds for any figures.
+    Its standard uncertainty is sqrt(u_2^2 + (x_2 / x_1)^2 u_1^2) / |x_1|, to first order, valid while the first figure
+    is known to 30 % or better. The probability is that of the difference itself, and is valid for any figures.
 
     Source: GUM 5.1.2 and G.4.
 
     Args:
-        first: the figure that the other one is compared with.
-        second: in the same unit.
-        confidence: from which on a difference is significant, and the first figure is not zero.
+        first: the reference figure.
+        second: the figure to compare, in the same unit.
+        confidence: confidence level for a difference, and for the first figure being nonzero.
 
     Raises:
         Refused: the figures are in different units, or the confidence is not between 0 and 1.
@@ -102,19 +102,19 @@ def relative_deviation(first: Figure, second: Figure, *, confidence: float = _CO
 
 @traced
 def normalised_error(figure: Figure, expected: Figure | None = None, *, confidence: float = _CONFIDENCE) -> Figure:
-    """Return |figure - expected| / U, where U is the expanded uncertainty of the difference: at most 1 if they agree.
+    """Return the normalised error |figure - expected| / U, U the expanded uncertainty: at most 1 if they agree.
 
-    Unlike a relative deviation it is meaningful even if the figures cannot be distinguished from zero. The coverage
-    factor is that of Student's distribution with the effective degrees of freedom. Of n pairs of equal figures n (1 -
-    confidence) are above 1 by chance: ask for more than 95 % where many are compared. It is NOT_OBSERVABLE where a
-    figure is not measured or its uncertainty is not known, and infinite where figures without uncertainty differ.
+    Unlike a relative deviation it is meaningful for figures indistinguishable from zero. The coverage factor is that of
+    Student's distribution with the effective degrees of freedom. Of n pairs of equal figures n (1 - confidence) exceed
+    1 by chance: use more than 95 % to compare many. It is NOT_OBSERVABLE where a figure is not measured or its
+    uncertainty is unknown, and infinite where figures without uncertainty differ.
 
     Source: ISO/IEC 17043:2010, B.3.1.3 (E_n), with GUM G.4 for the coverage factor.
 
     Args:
-        figure: what was found.
-        expected: what it should be, in the same unit; without it, zero.
-        confidence: of the expanded uncertainty.
+        figure: the measured figure.
+        expected: the expected figure, in the same unit; zero if None.
+        confidence: confidence level of the expanded uncertainty.
 
     Raises:
         Refused: the figures are in different units, or the confidence is not between 0 and 1.
@@ -134,14 +134,14 @@ def normalised_error(figure: Figure, expected: Figure | None = None, *, confiden
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Place:
-    """The rank of one figure among several, the lowest first.
+    """Place of one figure among several, the lowest first.
 
     Attributes:
-        name: whose figure it is.
+        name: name of the figure.
         figure: the figure.
-        rank: one more than there are figures that are lower for certain: the best place that it can have.
-        last: the worst place that it can have.
-        ties: the names of those that cannot be distinguished from it, in their order.
+        rank: best possible place: one more than the number of significantly lower figures.
+        last: worst possible place.
+        ties: names of the figures indistinguishable from it, in order.
     """
 
     name: str
@@ -152,18 +152,18 @@ class Place:
 
     @property
     def said(self) -> str:
-        """The place as a table has it: `3`, or `3-5` where it is a tie."""
+        """The place as text: `3`, or `3-5` for a tie."""
         return str(self.rank) if self.rank == self.last else f"{self.rank}-{self.last}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ranking:
-    """Several figures in order, and those that have no place.
+    """Ranking of several figures, with those that cannot be ranked.
 
     Attributes:
-        places: in the order of their values, the lowest first.
-        unranked: why a figure has no place, by its name.
-        confidence: at which two figures are distinguished.
+        places: places in ascending order of value.
+        unranked: why a figure has no place, by name.
+        confidence: confidence level for distinguishing two figures.
     """
 
     places: tuple[Place, ...]
@@ -178,19 +178,19 @@ def rank(
     doubts: Mapping[str, Sequence[str]] | None = None,
     confidence: float = _CONFIDENCE,
 ) -> Ranking:
-    """Return the places of figures, the lowest value first; for drifts and other signed figures give magnitudes.
+    """Rank figures, the lowest value first; for drifts and other signed figures pass magnitudes.
 
-    A figure's rank is one more than there are figures that are lower for certain, so that indistinguishable figures
-    share ranks. That is no chain: of three, the first may be distinguished from the last and neither from the one
-    between them, which then ties with both. Pairs are compared one by one: of twenty pairs of equal figures one is
-    distinguished at 95 %.
+    A figure's rank is one more than the number of significantly lower figures, so that indistinguishable figures share
+    ranks. Ties are not transitive: of three, the first may differ from the last while the middle one ties with both.
+    Pairs are compared one by one: of twenty pairs of equal figures one differs significantly by chance at
+    95 %.
 
-    Figures that are not measured, have an unknown uncertainty, are not numbers, or are in doubt, are not ranked.
+    Figures that are not measured, not finite, doubtful, or of unknown uncertainty are not ranked.
 
     Args:
-        figures: by name, in one unit.
-        doubts: why a figure cannot be trusted, by name; none or an empty sequence is no doubt.
-        confidence: at which two figures are distinguished.
+        figures: figures by name, in one unit.
+        doubts: reasons not to trust a figure, by name; missing or empty for none.
+        confidence: confidence level for distinguishing two figures.
 
     Raises:
         Refused: the figures are in different units, or the confidence is not between 0 and 1.
@@ -231,7 +231,7 @@ def _require_comparable(figures: Mapping[str, Figure], confidence: float) -> Non
 
 
 def _unmeasured(figure: Figure) -> str:
-    """Return what a figure is that is no measured number, empty for all others."""
+    """Return why a figure is not a measured number, empty if it is."""
     if figure.status is FigureStatus.UPPER_LIMIT:
         return f"an upper limit of {figure.value:.3g} {figure.unit}"
     if figure.status is not FigureStatus.MEASURED:
@@ -251,7 +251,7 @@ def _nowhere(unit: str = "1") -> Figure:
 
 
 def _difference(first: Figure, second: Figure) -> Figure:
-    """Return second - first, whose errors are independent."""
+    """Return second - first, with independent errors."""
     if _unmeasured(first) or _unmeasured(second):
         return _nowhere(first.unit)
     value = second.value - first.value
@@ -268,7 +268,7 @@ def _spread(first: Figure, second: Figure) -> tuple[float, float]:
 
 
 def _probability(one: Figure, other: Figure) -> float:
-    """Return the probability that two figures of known uncertainty, which are the same, differ as much by chance."""
+    """Return the p-value of the difference of two figures of known uncertainty."""
     from scipy.special import stdtr  # noqa: PLC0415 - scipy is slow to import
 
     spread, dof = _spread(one, other)

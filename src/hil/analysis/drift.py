@@ -1,13 +1,13 @@
-"""Drift of a sensor over temperature and time: slope, offset and hysteresis, with the record's confidence.
+"""Drift of a sensor over temperature and time: slope, offset and hysteresis, with realistic uncertainties.
 
-A record of minutes holds thousands of samples and few independent ones: flicker and random walk are slow, and so is the
-temperature. So samples are averaged into bins of equal time, a line is fitted to the averages by least squares, and the
-noise of the averages is estimated as the sum of white noise, flicker and random walk, by restricted maximum likelihood.
-The uncertainty of a coefficient is that of this sum, its degrees of freedom are Satterthwaite's: a record that shows
-the slow noise poorly gives wide intervals. What the line does not follow (curvature, hysteresis) counts as slow noise.
+A record of minutes has thousands of samples but few independent ones: flicker, random walk and the temperature are all
+slow. So samples are averaged into bins of equal time, a line is fitted to the averages by least squares, and the noise
+of the averages is estimated as a sum of white noise, flicker and random walk by restricted maximum likelihood. The
+uncertainty of a coefficient follows from this sum, with Satterthwaite's degrees of freedom: a record that shows little
+of the slow noise gives wide intervals. Curvature and hysteresis, which a line cannot follow, count as slow noise.
 
-A slope over temperature includes everything that changed along with the temperature. On a single ramp, drift over time
-and over temperature cannot be separated; heating followed by cooling separates them.
+A slope over temperature includes everything that changed together with the temperature. On a single ramp, drift over
+time and over temperature cannot be separated; heating followed by cooling separates them.
 
 Sources: D. A. Harville, Maximum likelihood approaches to variance component estimation, JASA 72 (1977); F. G.
 Giesbrecht and J. C. Burns, Biometrics 41 (1985), for the degrees of freedom; N. J. Kasdin, Proc. IEEE 83 (1995), for
@@ -37,29 +37,29 @@ __all__ = ["Drift", "drift_of", "fragments"]
 
 _Array: TypeAlias = NDArray[np.float64]
 
-_BINS, _FEWEST, _SAMPLES = 60, 8, 4  # bins of a record, the fewest that tell anything, samples of a bin
+_BINS, _FEWEST, _SAMPLES = 60, 8, 4  # bins per record, the fewest usable bins, fewest samples per bin
 _RANGE_K = 5.0
-_BEYOND_K = 2.0  # how far from the temperatures of the record an offset is stated
-_CELLS, _FEWEST_CELLS = 8, 3  # of temperature, in which heating and cooling are compared
-_MOVING = 0.01  # of the fastest change: a slower one is neither heating nor cooling
-_ROUNDS, _SETTLED, _SHARE = 60, 1e-2, 0.05  # of the estimate of the noise; a smaller share costs no degree of freedom
+_BEYOND_K = 2.0  # extrapolation beyond the record's temperatures up to which an offset is stated
+_CELLS, _FEWEST_CELLS = 8, 3  # temperature cells in which heating and cooling are compared
+_MOVING = 0.01  # of the fastest change: a slower change is neither heating nor cooling
+_ROUNDS, _SETTLED, _SHARE = 60, 1e-2, 0.05  # of the noise estimate; a smaller share costs no degree of freedom
 _HOUR = 3600.0
-_STANDS, _SHORTEST, _LONGEST = 20, 20, 1 / 3  # usual runs of one reading, samples, part of a record: longer is frozen
+_STANDS, _SHORTEST, _LONGEST = 20, 20, 1 / 3  # typical runs, samples, part of a record: longer is frozen
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drift:
-    """The results for one axis of a record; figures that it does not show are NOT_OBSERVABLE.
+    """Drift of one axis; figures that the record does not determine are NOT_OBSERVABLE.
 
     Attributes:
         slope: change over temperature [unit/K], of the line through heating and cooling.
         offset: value of that line at the reference temperature [unit].
-        hysteresis: mean of heating minus cooling at the same temperature, over the range that both have [unit].
-        per_hour: change over time [unit/h], whatever made it.
-        warming: change of the temperature over time [K/h].
+        hysteresis: mean difference of heating minus cooling at equal temperature, over their common range [unit].
+        per_hour: change over time, whatever its cause [unit/h].
+        warming: change of temperature over time [K/h].
         reasons: why a figure is not observable, by its name, a sentence without its full stop.
         time, temperature, value: means of the bins [s, degC, unit], shape (k,).
-        heating: of each bin 1 while it heats, -1 while it cools, 0 where neither, shape (k,).
+        heating: direction of each bin: 1 heating, -1 cooling, 0 neither; shape (k,).
     """
 
     slope: Figure
@@ -74,23 +74,23 @@ class Drift:
     heating: NDArray[np.int8]
 
     def line(self, temperature: ArrayLike) -> _Array:
-        """Return the line of slope and offset at temperatures in degC: it goes through the mean of the bins."""
+        """Return the fitted line at temperatures in degC, of their shape; it passes through the mean of the bins."""
         warmer = np.asarray(temperature, dtype=np.float64) - self.temperature.mean()
         return np.asarray(self.value.mean() + self.slope.value * warmer)
 
     def why(self, name: str) -> list[str]:
-        """Return why a figure of this name is not observable, for a check's `doubts`; empty where it is."""
+        """Return why this figure is not observable, for a check's `doubts`; empty if it is."""
         return [f"{name} is not observable: {self.reasons[name]}"] if name in self.reasons else []
 
     def probability(self, name: str) -> float:
-        """Return the probability that a figure of this name is zero and reads like this by chance (Student's t)."""
+        """Return the p-value of this figure under the hypothesis that it is zero (Student's t)."""
         figure: Figure = getattr(self, name)
         return relative_deviation(figure, Figure(value=0.0, unit=figure.unit, uncertainty=0.0)).probability
 
 
 @dataclass(frozen=True, slots=True)
 class _Binned:
-    """Means of bins, and each one's number: bins without a sample are left out."""
+    """Means of bins with their numbers, without empty bins."""
 
     number: NDArray[np.intp]
     time: _Array
@@ -111,16 +111,16 @@ def drift_of(
 ) -> Drift:
     """Return drift, offset and hysteresis of one axis.
 
-    A channel that is stuck or holds no finite numbers gives no figures; a temperature that cannot be in degrees Celsius
-    (raw counts, kelvin), or that changed by too little, gives none per kelvin, but the drift over time remains.
+    A channel that is stuck or has no finite values gives no figures; a temperature that cannot be in degrees Celsius
+    (raw counts, kelvin), or that changed too little, gives none per kelvin, but still the drift over time.
 
     Args:
-        time: of the samples in s, rising, shape (n,).
-        temperature: of the sensor in degC, shape (n,).
-        values: of the axis in `unit`, shape (n,).
-        unit: of the values.
-        reference: temperature of the offset in degC.
-        least_range: smallest change of the temperature that gives a slope, in K.
+        time: sample times in s, ascending, shape (n,).
+        temperature: temperature of the sensor in degC, shape (n,).
+        values: readings of the axis in `unit`, shape (n,).
+        unit: unit of the values.
+        reference: reference temperature of the offset [degC].
+        least_range: least temperature range for a slope [K].
 
     Raises:
         Refused: arrays of different shapes.
@@ -164,12 +164,12 @@ def drift_of(
 
 @traced
 def fragments(time: ArrayLike, rate: float, *, longest_gap: float | None = None) -> list[slice]:
-    """Return the contiguous parts of a record: an interrupted log has several.
+    """Return the contiguous parts of a record: several for an interrupted log.
 
     Args:
-        time: of the samples in s, shape (n,).
-        rate: nominal samples per second.
-        longest_gap: beyond which a new part begins [s]; five intervals without it.
+        time: sample times in s, shape (n,).
+        rate: nominal sampling rate [Hz].
+        longest_gap: gap beyond which a new part begins [s]; five sampling periods if None.
     """
     seconds = np.asarray(time, dtype=np.float64)
     if not seconds.size:
@@ -182,7 +182,7 @@ def fragments(time: ArrayLike, rate: float, *, longest_gap: float | None = None)
 
 
 def _binned(time: _Array, temperature: _Array, values: _Array) -> _Binned:
-    """Return means over bins of equal time, of as many samples as are numbers."""
+    """Return means over bins of equal time, of their finite samples."""
     count = min(_BINS, time.size // _SAMPLES)
     if count < _FEWEST or not time[-1] > time[0]:
         nothing = np.zeros(0)
@@ -195,7 +195,7 @@ def _binned(time: _Array, temperature: _Array, values: _Array) -> _Binned:
 
 
 def _heating(time: _Array, temperature: _Array) -> NDArray[np.int8]:
-    """Return the direction of each bin; the first after a turn has none, nor has the last before it."""
+    """Return the direction of each bin; the bins before and after a reversal have none."""
     rates = np.diff(temperature) / np.diff(time)
     fastest = float(np.abs(rates).max(initial=0.0))
     signs = np.where(np.abs(rates) >= _MOVING * fastest, np.sign(rates), 0.0) if fastest > 0.0 else 0.0 * rates
@@ -204,7 +204,7 @@ def _heating(time: _Array, temperature: _Array) -> NDArray[np.int8]:
 
 
 def _reason_at_all(time: _Array, values: _Array, binned: _Binned) -> str:
-    """Return why nothing can be said, empty where something can."""
+    """Return why no figure can be determined, empty if some can."""
     for gate in (finite("values", values), stuck("values", values)):
         if gate.ok is False:
             return f"{gate.name}: {gate.reason}"
@@ -215,7 +215,7 @@ def _reason_at_all(time: _Array, values: _Array, binned: _Binned) -> str:
 
 
 def _reason_of_temperature(temperature: _Array, binned: _Binned, least_range: float) -> str:
-    """Return why nothing can be said per kelvin, empty where something can."""
+    """Return why no figure per kelvin can be determined, empty if it can."""
     for gate in (finite("temperature", temperature), celsius("temperature", temperature)):
         if gate.ok is False:
             return f"temperature {gate.reason}"
@@ -226,9 +226,9 @@ def _reason_of_temperature(temperature: _Array, binned: _Binned, least_range: fl
 
 
 def _frozen(temperature: _Array) -> str:
-    """Return that a thermometer gives one reading for too long, empty where it does not.
+    """Return that a thermometer is frozen, empty if it is not.
 
-    One with coarse steps gives each for a while, so that a usual while is compared with.
+    A coarse one repeats each reading for a while, so the longest run is compared with the typical one.
     """
     edges = np.concatenate([[0], np.flatnonzero(np.diff(temperature)) + 1, [temperature.size]])
     runs = np.diff(edges)
@@ -254,9 +254,9 @@ def _nothing(unit: str, reasons: Mapping[str, str], binned: _Binned) -> Drift:
 
 
 def _hysteresis(binned: _Binned, unit: str, least_range: float) -> tuple[Figure, dict[str, str]]:
-    """Return the mean of heating minus cooling, over cells of equal width in which both were.
+    """Return the mean of heating minus cooling over temperature cells that contain both.
 
-    In each cell what the line leaves is compared, so that bins of one cell need not be at one temperature.
+    Residuals from the line are compared within each cell, so its bins need not be at equal temperature.
     """
     legs = [binned.temperature[binned.heating == sign] for sign in (1, -1)]
     if not all(leg.size for leg in legs):
@@ -286,13 +286,13 @@ def _hysteresis(binned: _Binned, unit: str, least_range: float) -> tuple[Figure,
 
 @dataclass(frozen=True, slots=True)
 class _Noise:
-    """Levels of the parts of the noise [unit^2], their covariances, and how well the levels are known.
+    """Variance components of the noise [unit^2], their covariance matrices and their precision.
 
     Attributes:
-        levels: shape (3,), of white noise, flicker and random walk.
-        parts: shape (3, k, k).
-        information: Fisher's, of the levels, shape (3, 3).
-        most: degrees of freedom that the residuals have.
+        levels: levels of white noise, flicker and random walk, shape (3,).
+        parts: covariance matrices at unit level, shape (3, k, k).
+        information: Fisher information of the levels, shape (3, 3).
+        most: degrees of freedom of the residuals.
     """
 
     levels: _Array
@@ -301,7 +301,7 @@ class _Noise:
     most: int
 
     def figure_of(self, weights: _Array, value: float, unit: str) -> Figure:
-        """Return a weighted sum of the bins' means as a figure."""
+        """Return a weighted sum of the bin means as a figure."""
         shares = (self.parts @ weights) @ weights
         variance = float(shares @ self.levels)
         present = self.levels > _SHARE * self.levels.sum()
@@ -316,30 +316,30 @@ class _Noise:
 
 @dataclass(frozen=True, slots=True)
 class _Line:
-    """A line through the means of the bins: what gives its coefficients, and the noise."""
+    """A line through the bin means: its estimator, coefficients and noise."""
 
     inverse: _Array
     value: _Array
     noise: _Noise
 
     def figure(self, unit: str, of: Sequence[float]) -> Figure:
-        """Return a combination of intercept and slope."""
+        """Return a linear combination of intercept and slope as a figure."""
         weights = np.asarray(of) @ self.inverse
         return self.noise.figure_of(weights, float(weights @ self.value), unit)
 
 
 def _line(argument: _Array, number: NDArray[np.intp], value: _Array) -> _Line:
-    """Fit value = a + b argument by least squares."""
+    """Fit value = a + b * argument by least squares."""
     design = np.column_stack([np.ones_like(argument), argument])
     return _Line(np.linalg.pinv(design), value, _noise(design, number, value))
 
 
 def _noise(design: _Array, number: NDArray[np.intp], value: _Array) -> _Noise:
-    """Estimate the noise of the means from what a linear model leaves, by restricted maximum likelihood.
+    """Estimate the noise of the bin means from the residuals of a linear model, by restricted maximum likelihood.
 
-    That is the likelihood of contrasts y, in which the model is zero. With V their covariance and K the share of one
-    noise, levels are multiplied by sqrt(y'V^-1 K V^-1 y / tr(V^-1 K)) until they settle, which keeps them above zero
-    and the likelihood rising (H. Zhou et al., J. Comput. Graph. Stat. 28, 2019).
+    That is the likelihood of contrasts y, in which the model vanishes. With V their covariance and K the share of one
+    noise, levels are multiplied by sqrt(y'V^-1 K V^-1 y / tr(V^-1 K)) until they converge, which keeps them positive
+    and the likelihood increasing (H. Zhou et al., J. Comput. Graph. Stat. 28, 2019).
     """
     count, terms = design.shape
     parts = _parts(int(number[-1]) + 1)[:, number[:, np.newaxis], number]
@@ -366,8 +366,8 @@ def _parts(count: int) -> _Array:
     """Return covariances of the means of neighbouring bins, each of mean variance 1, shape (3, count, count).
 
     White noise; flicker, from Kasdin's coefficients of f^-1/2; random walk, whose means over unit bins have the
-    covariance min(i, j) - 1/6 on the diagonal and min(i, j) beside it. The last two have no level of their own: they
-    are counted from their mean over the record.
+    covariance min(i, j) - 1/6 on the diagonal and min(i, j) off it. The last two have no absolute level: they are
+    referred to their mean over the record.
     """
     steps = np.arange(count)
     response = np.cumprod(np.concatenate([[1.0], (steps[1:] - 0.5) / steps[1:]]))

@@ -1,4 +1,4 @@
-"""Gates on extremes and on resolution: readings that are clipped, spiked, or too coarse for their noise."""
+"""Gates on extremes and resolution: clipping, spikes, and steps too coarse for the noise."""
 
 from __future__ import annotations
 
@@ -14,34 +14,34 @@ __all__ = ["averaged", "resolved", "robust", "rounding", "saturated", "spikes", 
 
 _Array: TypeAlias = NDArray[np.float64]
 
-_FEWEST = 5  # samples beyond the tail that are never called too many
-_ROUNDING = 1e-9  # of the value: steps below this are none
+_FEWEST = 5  # samples beyond the tail that never count as too many
+_ROUNDING = 1e-9  # of the value: smaller steps are rounding
 _NEAR_FULL = 0.999  # of full scale
-_ENOUGH = 20  # samples from which extremes and neighbours are judged
-_PILED, _VISITS = 5, 3  # equal extreme samples, and times that the signal came there, from which it may be clipped
-_PILE = 2.0  # times what lies beside them
-_ALIKE = 5.0  # times what stands at any one number beside them: a slow sine stands longer at its end, by 1.4
-_SPREADS, _BEYOND = 2.0, 10.0  # standard deviations that the last two levels may be off, and samples beyond them
+_ENOUGH = 20  # samples needed to judge extremes and neighbours
+_PILED, _VISITS = 5, 3  # equal extreme samples, and visits to the extreme, from which clipping is possible
+_PILE = 2.0  # ratio of their number to that beside them
+_ALIKE = 5.0  # ratio to the number at any one level beside them: a slow sine dwells 1.4 times longer at its end
+_SPREADS, _BEYOND = 2.0, 10.0  # tolerance of the last two levels in standard deviations, and samples beyond them
 _NEAR_END = 0.08  # of the distance between quartiles: a tenth of a standard deviation
-_WIDTHS = (1, 4, 16, 64)  # samples that are averaged: a knock shows where they are as many as it took
-_FINE = 0.6  # of a standard deviation: with a larger step the robust scatter is a step as well
-_TAIL, _BEYOND_TAIL = 3.0, 0.0293  # standard deviations, and the share of its power that white noise has beyond them
-_MORE = 0.015  # of the power: white noise reads by half of it too large
-_BY_CHANCE_MORE = 3.4  # over the root of the samples: 6,000 records of white noise come to 3.2 at most
-_BY_CHANCE = 1e-6  # records of white noise in which a spike is found
-_BLOCK = 1 << 14  # samples that are looked at at once, within the processor's cache
-_ENOUGH_FOR_QUARTERS = 100_000  # samples that tell quartiles to half a percent of the scatter
-_LOOKED_AT = 10_000  # samples that are looked at one by one
-_AROUND, _WIDEST = 8, 3  # samples on either side of a spike, and how many of them it may take
+_WIDTHS = (1, 4, 16, 64)  # samples averaged: a knock is most visible in averages as long as it lasts
+_FINE = 0.6  # of a standard deviation: with a larger step the robust scatter is itself one step
+_TAIL, _BEYOND_TAIL = 3.0, 0.0293  # standard deviations, and the share of white noise's power beyond them
+_MORE = 0.015  # of the power: white noise then reads half of this too large
+_BY_CHANCE_MORE = 3.4  # over the root of the number of samples: 6,000 records of white noise reached at most 3.2
+_BY_CHANCE = 1e-6  # false-alarm probability per record of white noise
+_BLOCK = 1 << 14  # samples processed at once, within the processor's cache
+_ENOUGH_FOR_QUARTERS = 100_000  # samples that give quartiles to half a percent of the scatter
+_LOOKED_AT = 10_000  # samples examined individually
+_AROUND, _WIDEST = 8, 3  # samples on either side of a spike, and the most that it may span
 _SAME, _MOST_LEVELS = 1e-2, 20_000
-_RESOLVED = 0.5  # counts: with less noise than this the step is no longer white noise of q^2 / 12
-_BLUE, _RESOLVED_BLUE = 0.8, 0.6  # of the variance of neighbours; counts that quantisation of the angle needs
+_RESOLVED = 0.5  # counts: with less noise quantisation is no longer white noise of variance q^2 / 12
+_BLUE, _RESOLVED_BLUE = 0.8, 0.6  # of the variance of neighbours; counts needed under quantisation of the angle
 
 
 def saturated(channel: str, values: _Array, facts: Facts) -> Gate:
-    """Trip where a value is at full scale; where that is not known, where many share the highest or lowest value.
+    """Trip where a value is at full scale, or if that is unknown, where many share the highest or lowest value.
 
-    Noise that is not clipped thins out towards its extremes: it leaves fewer samples at the last value than next to it.
+    Unclipped noise thins out towards its extremes: fewer samples have the last value than the one beside it.
     """
     if facts.full_scale is None:
         return _clipped(channel, values)
@@ -81,11 +81,11 @@ def _clipped(channel: str, values: _Array) -> Gate:
 
 
 def _cut_off(here: _Array, end: float, step: float) -> bool:
-    """Tell whether the levels end where Gaussian noise would go on, whatever drifts beneath it.
+    """Return whether the levels end where Gaussian noise would continue, whatever the drift beneath it.
 
-    The levels n of such noise with a standard deviation of s counts, around a mean that moves in any way, never fall
-    faster than n[k + 1] n[k - 1] = n[k]^2 exp(-1 / s^2): a mixture of Gaussian densities has a logarithm whose second
-    derivative is at least -1 / s^2. So the last two levels tell how many samples the next one must hold.
+    The level counts n of such noise with a standard deviation of s counts, around any moving mean, never fall faster
+    than n[k + 1] n[k - 1] = n[k]^2 exp(-1 / s^2): the log of a mixture of Gaussian densities has a second derivative of
+    at least -1 / s^2. So the last two levels bound the number of samples at the next one from below.
     """
     last, both = (int(np.count_nonzero(np.abs(here - end) < part * step)) for part in (0.5, 1.5))
     second = both - last
@@ -98,12 +98,12 @@ def _cut_off(here: _Array, end: float, step: float) -> bool:
 
 
 def spikes(channel: str, values: _Array) -> Gate:
-    """Trip where samples stand out of noise by far more than chance explains: single ones, and knocks that last.
+    """Trip on outliers far beyond chance: single samples, and longer knocks.
 
     Averages over 1, 4, 16 and 64 samples are compared with the mean of their two neighbours; s is the robust scatter of
-    these differences. White noise passes the limit of about 7 s once in a million records. A peak in an equally
-    restless neighbourhood is motion, not a spike. Samples beyond 3 s that hold more of the power than a tail of white
-    noise trip as well: then the noise is not one noise.
+    these differences. White noise exceeds the limit of about 7 s once in a million records. An outlier in an equally
+    restless neighbourhood is motion, not a spike. Samples beyond 3 s that carry more power than the tail of white noise
+    trip too: the noise is then not homogeneous.
     """
     name = "spikes"
     step = step_of(values) or 0.0
@@ -149,7 +149,7 @@ def spikes(channel: str, values: _Array) -> Gate:
 
 
 def averaged(values: _Array, width: int) -> _Array:
-    """Return the means over blocks of samples whose length is a power of two."""
+    """Return the means over `width` samples each, a power of two; shape (n,) becomes (n // width,)."""
     if width == 1:
         return values
     means = np.empty(values.size // width)
@@ -162,10 +162,10 @@ def averaged(values: _Array, width: int) -> _Array:
 
 
 def robust(values: _Array, step: float = 0.0) -> float:
-    """Return the robust scatter of samples from the mean of their neighbours; of a long record, a part is examined.
+    """Return the robust scatter of samples about the mean of their neighbours, from a subset of a long record.
 
-    With a step between two readings these differences come in halves of it, and so would their median: it is then that
-    of differences spread evenly over each half step.
+    Differences of quantised readings, and so their median, are multiples of half a step: the median is then taken with
+    the differences spread uniformly over each half step.
     """
     every = max(1, (values.size - 2) // 100_000)
     looked = values[1:-1:every] - 0.5 * (values[:-2:every] + values[2::every])
@@ -180,7 +180,7 @@ def robust(values: _Array, step: float = 0.0) -> float:
 
 
 def _standing_out(values: _Array, limit: float) -> tuple[NDArray[np.intp], _Array]:
-    """Return the places of samples that are off the mean of their neighbours by more than a limit, and by how much."""
+    """Return the indices of samples that deviate from the mean of their neighbours beyond a limit, and how much."""
     places, heights = [], []
     for begin in range(0, values.size - 2, _BLOCK):
         part = values[begin : begin + _BLOCK + 2]
@@ -196,7 +196,7 @@ def _standing_out(values: _Array, limit: float) -> tuple[NDArray[np.intp], _Arra
 
 
 def _alone(values: _Array, place: int, limit: float) -> bool:
-    """Tell whether a sample, and at most two with it, stands out of a neighbourhood that is quiet."""
+    """Return whether a sample, with at most two others, stands out of a quiet neighbourhood."""
     around = values[max(0, place - _AROUND) : place + _AROUND + 1]
     around = around[np.isfinite(around)]
     away = np.abs(around - np.median(around))
@@ -205,9 +205,9 @@ def _alone(values: _Array, place: int, limit: float) -> bool:
 
 
 def rounding(values: _Array, facts: Facts) -> float:
-    """Return the relative excess of white noise due to rounding to counts; 0 if the readings show no counts.
+    """Return the relative excess of white noise due to rounding to counts; 0 if there is no step.
 
-    Rounding adds a variance of q^2 / 12 to that of the noise before it.
+    Rounding adds a variance of q^2 / 12 to that of the noise.
     """
     lsb = facts.lsb or step_of(values)
     if lsb is None:
@@ -220,7 +220,7 @@ def rounding(values: _Array, facts: Facts) -> float:
 
 
 def _moves(values: _Array) -> tuple[float, int]:
-    """Return the sum of the squared differences of neighbours that are numbers, and how many these are."""
+    """Return the sum of squared differences of finite neighbours, and their number."""
     power, count = 0.0, 0
     for begin in range(0, values.size - 1, _BLOCK):
         steps = np.diff(values[begin : begin + _BLOCK + 1])
@@ -233,7 +233,7 @@ def _moves(values: _Array) -> tuple[float, int]:
 
 
 def _stretches(values: NDArray[np.float64]) -> float:
-    """Return the mean variance within stretches of 32 samples, of up to 4096 of them; infinity without any."""
+    """Return the mean variance within stretches of 32 samples, of up to 4096 stretches; infinity if there are none."""
     if values.size < _STRETCH:
         return math.inf
     starts = np.linspace(0, values.size - _STRETCH, min(_STRETCHES, values.size // _STRETCH)).astype(np.int64)
@@ -246,7 +246,7 @@ _STRETCH, _STRETCHES = 32, 4096
 
 
 def step_of(values: _Array) -> float | None:
-    """Return the step of readings that are whole multiples of one, None if the first of them show none."""
+    """Return the step of readings that are multiples of one, None if the first readings show none."""
     looked = present(values[:_MOST_LEVELS])
     if looked.size < min(_MOST_LEVELS, values.size):
         looked = present(values)[:_MOST_LEVELS]
@@ -266,9 +266,9 @@ def step_of(values: _Array) -> float | None:
 def resolved(channel: str, values: NDArray[np.float64], facts: Facts) -> Gate:
     """Trip where the noise before the quantiser is below half a count.
 
-    Then the noise of the readings does not follow sqrt(s^2 + q^2 / 12) any more, may vanish, and averaging does not
-    help. s is taken from differences of neighbours, so that drift does not count as noise; quantisation of the angle
-    moves neighbours apart by more than it scatters, so that short stretches of the record have to scatter as well.
+    The noise of the readings then no longer follows sqrt(s^2 + q^2 / 12), may vanish, and averaging does not help. s is
+    taken from differences of neighbours, so that drift does not count as noise; quantisation of the angle separates
+    neighbours by more than its scatter, so short stretches of the record must scatter as well.
     """
     lsb = facts.lsb or step_of(values)
     if lsb is None:

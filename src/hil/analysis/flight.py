@@ -1,4 +1,4 @@
-"""Flight logs: results of a gyroscope and a magnetometer for each phase at rest or in rotation, and their quality."""
+"""Flight logs: phases at rest and in rotation, with the performance of gyroscope and magnetometer in each."""
 
 from __future__ import annotations
 
@@ -20,42 +20,42 @@ from hil.model.figure import Figure
 
 __all__ = ["Flight", "Phase", "flight_phases"]
 
-_NOISE = 500  # samples at rest from which white noise is told
-_MOST = 20  # rests whose white noise is told: a fit takes its time
-_TURNS = 3.0  # turns from which the field tells a rate
-_FLAT = 0.1  # of its radius, off the plane: a field that leaves it more does not turn about one axis
-_WHOLE = 0.99  # of the rates of a turn: of fewer there is no sum
-_FAST = math.pi / 2.0  # from reading to reading: a field that turns faster may as well turn the other way
-_RIPPLE = 0.03  # of the field, rms: a calibrated magnetometer in a field that stays shows less
-_LARGEST = 10.0  # deg/s: small gyroscopes have a smaller bias
-_WANDER = 0.01  # of the field: it stands still while it differs by less between the thirds of a rest
+_NOISE = 500  # samples at rest needed for white noise
+_MOST = 20  # rests whose white noise is fitted, to limit the computing time
+_TURNS = 3.0  # turns needed for a rate from the field
+_FLAT = 0.1  # of its radius, out of plane: a field beyond this does not rotate about one axis
+_WHOLE = 0.99  # share of a turn's rates that must be present for their integral
+_FAST = math.pi / 2.0  # per reading: a faster rotation of the field is ambiguous in sense
+_RIPPLE = 0.03  # of the field, rms: less for a calibrated magnetometer in a constant field
+_LARGEST = 10.0  # deg/s: larger than the bias of any small gyroscope
+_WANDER = 0.01  # of the field: largest difference between the thirds of a rest for a constant field
 _THIRDS = 3
-_INNER = 5  # windows of a motion, from which on the first and the last play no part
-_EARTH = (15.0, 75.0)  # uT: its field from the ground to low orbits
-_OFF = 0.1  # by which both sensors may differ: scale, alignment and iron that nobody has calibrated
+_INNER = 5  # windows of a motion from which the first and last are ignored
+_EARTH = (15.0, 75.0)  # uT: the Earth's field from the ground to low orbits
+_OFF = 0.1  # tolerance between the sensors: uncalibrated scale, alignment and iron
 
 _Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Phase:
-    """A phase of a log: rest, rotation or other motion.
+    """A phase of a log: one kind of motion.
 
     Attributes:
-        kind: what happened.
-        first, last: its samples, counted from 0.
-        begin, end: when, in s after the first sample; to within a window.
-        rates: mean rate of each axis as read: at rest the bias.
-        white: white noise of each axis at rest, two-sided, from the Allan deviation; not observable elsewhere.
-        turning: rms magnitude of the rate without bias and noise; not observable at rest, and where it is less than
-            twice its uncertainty. The first and the last window of a motion, in which it may have begun or ended, play
-            no part where there are five.
+        kind: kind of motion.
+        first, last: its first and last sample, counted from 0.
+        begin, end: times in s after the first sample, to within a window.
+        rates: mean reading of each axis: at rest the bias.
+        white: two-sided white noise of each axis at rest, from the Allan deviation; not observable otherwise.
+        turning: rms magnitude of the rate without bias and noise; not observable at rest, or below twice its
+            uncertainty. The first and last window of a motion, in which it may have begun or ended, are ignored if
+            there are at least five.
         field: mean magnitude of the field, None without a magnetometer.
-        ripple: standard deviation of that magnitude, relative; calibrated magnetometers show little in a rotation.
-        turns: how often the field turned about one axis, not observable where it turned otherwise or too little.
-        agreement: turns of the rates over turns of the field, less 1.
+        ripple: relative standard deviation of that magnitude; small in a rotation for calibrated magnetometers.
+        turns: number of turns of the field about one axis; not observable for other motion, or too few turns.
+        agreement: turns by the rates over turns by the field, minus 1.
         gates: every gate with its result.
-        remark: what is odd, in a sentence, or empty.
+        remark: anomaly, in a sentence, or empty.
     """
 
     kind: Kind
@@ -76,15 +76,15 @@ class Phase:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Flight:
-    """What a flight log shows.
+    """Analysis of a flight log.
 
     Attributes:
-        unit: of the rates.
-        window: length of a window in s, which is the resolution of beginnings and ends.
-        bias: of each axis, the median of the windows at rest; zeros if it never was at rest.
-        noise: of a sample of each axis, standard deviation.
-        phases: in order of time.
-        remarks: in sentences.
+        unit: unit of the rates.
+        window: length of a window [s], the resolution of beginnings and ends.
+        bias: bias of each axis, the median of the windows at rest; zeros if there was no rest.
+        noise: standard deviation of a sample of each axis.
+        phases: phases in order of time.
+        remarks: remarks in sentences.
     """
 
     unit: str
@@ -111,30 +111,30 @@ def flight_phases(  # noqa: PLR0913 - two sensors, each with what is known of it
     facts: Facts | None = None,
     field_facts: Facts | None = None,
 ) -> Flight:
-    """Find the phases of a flight log, and judge each.
+    """Find the phases of a flight log, and assess each.
 
     Args:
-        rates: of the gyroscope, shape (n, 3), evenly spaced; NaN where a sample is missing.
-        rate: samples per second.
-        unit: of the rates.
-        still: permitted change of a bias within the log, in `unit`: slower turns are detected by the field alone.
-        radians: how many rad/s one `unit` is, NaN if that is not known.
-        field: of the magnetometer, shape (n, 3), at the same times; NaN where it has no reading.
-        field_unit: of the field.
-        field_rate: readings of the magnetometer per second, where they are fewer than those of the gyroscope.
-        microtesla: how many uT one `field_unit` is, NaN if that is not known.
-        window: in s.
-        shortest: shortest phase that is reported, in s.
-        facts, field_facts: facts about the sensors, for the gates.
+        rates: readings of the gyroscope, shape (n, 3), evenly spaced; NaN marks a missing sample.
+        rate: sampling rate [Hz].
+        unit: unit of the rates.
+        still: largest change of bias within the log, in `unit`: slower rotations are detected by the field only.
+        radians: one `unit` in rad/s, NaN if unknown.
+        field: readings of the magnetometer, shape (n, 3), at the same times; NaN where it has none.
+        field_unit: unit of the field.
+        field_rate: sampling rate of the magnetometer [Hz], if lower than the gyroscope's.
+        microtesla: one `field_unit` in uT, NaN if unknown.
+        window: length of a window [s].
+        shortest: shortest phase reported [s].
+        facts, field_facts: known properties of the sensors, for the gates.
 
     Raises:
-        Refused: no log that can be cut into ten windows, or none of them with readings of both.
+        Refused: the log is too short for ten windows, or no window has readings of both sensors.
     """
     table = np.asarray(rates, dtype=np.float64)
     vectors = None if field is None else np.asarray(field, dtype=np.float64)
-    every = max(round(rate / (field_rate or rate), 2), 1.0)  # two estimates of one rate differ by less
+    every = max(round(rate / (field_rate or rate), 2), 1.0)  # estimates of one rate differ by less than this rounding
     width = max(math.ceil(FEWEST * every), round(window * rate))
-    # Of windows that are longer than they were meant to be, one in which a motion begins is no phase.
+    # If windows had to be lengthened, a single one in which a motion begins is not a phase.
     least = max(2 if every > 1.0 and width > round(window * rate) else 1, round(shortest * rate / width))
     seen = _seen(table, vectors, width, least, still=still, every=every, lasts=width / rate)
     logged = _Logged(
@@ -161,7 +161,7 @@ def flight_phases(  # noqa: PLR0913 - two sensors, each with what is known of it
 def _seen(
     table: _Array, vectors: _Array | None, width: int, least: int, *, still: float, every: float, lasts: float
 ) -> Motions:
-    """Tell rest from motion; refuse a log of too few windows of so many seconds, or of none that is whole."""
+    """Separate rest from motion; refuse a log of too few windows, or without a complete one."""
     if len(table) < FEWEST * width:
         raise Refused(
             f"{len(table) * lasts / width:.4g} s are less than {FEWEST} windows of {lasts:.3g} s",
@@ -193,7 +193,7 @@ def _no_earth(vectors: _Array, microtesla: float) -> Iterator[str]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Logged:
-    """The whole log, from which phases are judged."""
+    """The whole log, for assessing its phases."""
 
     rates: _Array
     field: _Array | None
@@ -209,7 +209,7 @@ class _Logged:
     field_facts: Facts
 
     def phase(self, run: Run, *, noise: bool) -> Phase:
-        """Return what happened in a run, with its white noise or without it."""
+        """Return the phase of a run, with or without its white noise."""
         kind, first, after = run.kind, run.first, run.after
         bare = Phase(kind=kind, first=first, last=after - 1, begin=first / self.rate, end=after / self.rate)
         if kind is Kind.MISSING:
@@ -229,7 +229,7 @@ class _Logged:
     def _turning(self, part: _Array) -> Figure:
         inner = part[self.width : -self.width] if len(part) >= _INNER * self.width else part
         away = present(np.sqrt(np.square(inner - self.bias).sum(axis=1)))
-        size = float(away.max()) if away.size else 0.0  # squares of squares would leave the range of numbers
+        size = float(away.max()) if away.size else 0.0  # scaled, or squares of squares would overflow
         if not size > 0.0:
             return not_observable(self.unit)
         squares = mean(np.square(away / size), "1")
@@ -266,9 +266,9 @@ class _Logged:
         )
 
     def _turned(self, found: Phase, vectors: _Array) -> tuple[Figure, Figure]:
-        """Return how often the field turned about one axis, and turns of the rates over it, less 1.
+        """Return the turns of the field about one axis, and the turns by the rates over these, minus 1.
 
-        The plane of the turn is that of the two largest principal components; nothing of the gyroscope goes into it.
+        The plane of rotation is that of the two largest principal components; the gyroscope is not used for it.
         """
         nothing = not_observable("1"), not_observable("1")
         rates = self.rates[found.first : found.last + 1] - self.bias
@@ -283,7 +283,7 @@ class _Logged:
         steps = np.diff(np.flatnonzero(whole))
         if np.median(np.abs(np.diff(angle)) / steps) * steps.max() > _FAST:
             return nothing
-        # The field turns against the sensor; a right-handed normal makes both signs one.
+        # The field rotates opposite to the sensor; a right-handed normal makes both signs equal.
         normal = np.cross(axes[0], axes[1])
         about, seconds = -(rates[here] @ normal) * self.radians, np.flatnonzero(here) / self.rate
         summed = np.concatenate(([0.0], np.cumsum((about[1:] + about[:-1]) / 2.0 * np.diff(seconds))))
@@ -296,7 +296,7 @@ class _Logged:
             return turns, not_observable("1")
         factor, offset = np.polyfit(angle, turned, 1)
         rms = float(np.std(turned - factor * angle - offset))
-        # The rest is no noise: it comes back with every turn, so that only its ends count.
+        # The residual is not noise: it repeats every turn, so that only its ends count.
         return turns, Figure(value=float(factor) - 1.0, unit="1", uncertainty=math.sqrt(2.0) * rms / abs(total))
 
 
@@ -311,7 +311,7 @@ def _odd(kind: Kind, *, still_field: bool, turned: float, ripple: float) -> str:
 
 
 def _gates(sensor: str, part: _Array, facts: Facts, rate: float, *, at_rest: bool) -> tuple[Gate, ...]:
-    """Ask what a phase reads: all gates of a log at rest, or those that a turn can be asked."""
+    """Return the gates of a phase: all gates of a log at rest, or those applicable to a rotation."""
     whole = part[np.isfinite(part).all(axis=1)]
     channels = {f"{sensor} {axis}": np.ascontiguousarray(whole[:, place]) for place, axis in enumerate(AXES)}
     infinite = [
@@ -324,7 +324,7 @@ def _gates(sensor: str, part: _Array, facts: Facts, rate: float, *, at_rest: boo
 
 
 def _likely(rates: tuple[Figure, ...], degrees: float) -> Iterator[Gate]:
-    """Trip where what is read at rest is more than a bias: a steady spin is as quiet as rest."""
+    """Trip where the reading at rest is too large for a bias: a steady spin is as quiet as rest."""
     for axis, figure in zip(AXES, rates, strict=True):
         size = abs(figure.value) * degrees
         reason = f"it reads {size:.3g} deg/s, more than a bias is: a steady turn about the field, or another unit"
@@ -333,14 +333,14 @@ def _likely(rates: tuple[Figure, ...], degrees: float) -> Iterator[Gate]:
 
 
 def _filled(vectors: _Array) -> Gate:
-    """Trip where the field is zero in all axes: no sensor reads that in any field, a program fills empty cells so."""
+    """Trip where the field is zero in all axes: no sensor reads that, but programs fill empty cells with it."""
     zeros = int(np.count_nonzero((vectors == 0.0).all(axis=1)))
     reason = f"{zeros} readings are zero in all axes: where there is no reading, leave the cells empty"
     return Gate(name="filled", channel="", ok=not zeros, reason=reason if zeros else "no reading is zero in all axes")
 
 
 def _stands(vectors: _Array, middle: Figure) -> Gate:
-    """Trip where the field turned in a rest: so slowly that no window shows it, and the bias holds it."""
+    """Trip where the field rotated in a rest, too slowly for any window to show, so that the bias includes it."""
     whole = vectors[np.isfinite(vectors).all(axis=1)]
     if len(whole) < _THIRDS * FEWEST:
         return Gate(name="stands", channel="", ok=None, reason="too few samples have the field of all axes")
@@ -357,7 +357,7 @@ def _stands(vectors: _Array, middle: Figure) -> Gate:
 
 
 def _agrees(agreement: Figure) -> Gate:
-    """Trip where rates and field tell different turns, and name the factor if it is known."""
+    """Trip where rates and field disagree on the turns; name the factor if it is a known one."""
     name, ratio = "agrees", 1.0 + agreement.value
     if not math.isfinite(ratio):
         return Gate(name=name, channel="", ok=None, reason="no turn about one axis that the field could tell")

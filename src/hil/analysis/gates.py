@@ -1,4 +1,4 @@
-"""Gates on the samples of a channel, applied before anything is computed from them."""
+"""Gates on a channel's readings: plausibility checks before anything is computed from them."""
 
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ __all__ = [
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Gate:
-    """One condition on a recording that must hold before anything is concluded from it.
+    """Result of one plausibility check of a recording.
 
     Attributes:
-        name: name of the gate, such as `stuck`.
-        channel: the channel that was asked, empty if it was the recording as a whole.
-        ok: the answer; None if a fact is missing, so that nothing could be judged.
-        reason: what was found, or which fact is missing, in a sentence.
-        cycles: numbers of the battery's cycles that the answer speaks against; empty if that is the recording as a
+        name: name of the check, such as `stuck`.
+        channel: the channel checked, empty for the recording as a whole.
+        ok: whether it passed; None if a missing fact prevents a judgement.
+        reason: the finding, or the missing fact, in a sentence.
+        cycles: numbers of the battery cycles that are suspect; empty if that is the recording as a
             whole.
-        samples: numbers, counted from 1, of the first samples that the answer speaks against.
+        samples: numbers, counted from 1, of the first suspect samples.
     """
 
     name: str
@@ -55,14 +55,14 @@ class Gate:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Facts:
-    """Facts about a sensor and its settings; None if unknown. Units are those of the channels.
+    """Known properties of a sensor and its settings; None where unknown. Units are those of the channels.
 
     Attributes:
-        rate: samples per second that were asked for.
-        lsb: step between two readings that differ by one count.
+        rate: requested sampling rate [Hz].
+        lsb: one count.
         full_scale: largest reading, of either sign.
-        bandwidth: frequency at which the sensor's own filter is 3 dB down, in Hz.
-        noise_density: of the data sheet, one-sided, per root of a hertz.
+        bandwidth: -3 dB bandwidth of the sensor's own filter [Hz].
+        noise_density: one-sided noise density of the data sheet, per root Hz.
         temperature: name of the channel that holds degrees Celsius.
     """
 
@@ -76,17 +76,17 @@ class Facts:
 
 _Array: TypeAlias = NDArray[np.float64]
 
-_ROUNDING = 1e-9  # of the value: a channel that moves less than this does not move
-_LONGER = 3.0  # times the longest run that chance makes
-_SELDOM = 1e-6  # records of a good sensor that stand still, or repeat rows, for longer
-_FEWEST = 10  # equal samples that are never called stuck
-_LOOKED_AT = 200_000  # samples that tell steps and scatter well enough
-_MANY = 0.01  # share of repeated rows that is looked at
-_FEWEST_ROWS = 5  # repeated rows that are never called so
+_ROUNDING = 1e-9  # of the value: a smaller change is rounding
+_LONGER = 3.0  # allowed multiple of the longest run by chance
+_SELDOM = 1e-6  # false-alarm probability of a stuck channel or of repeated rows, per good record
+_FEWEST = 10  # equal samples that never count as stuck
+_LOOKED_AT = 200_000  # samples that give step and scatter well enough
+_MANY = 0.01  # share of repeated rows worth examining
+_FEWEST_ROWS = 5  # repeated rows that never trip
 _COUNTED = {2: "twice", 3: "three times"}
-_GLANCE = 16  # samples by which nearly every record is told from one that repeats
-_NAMED = 10  # samples that a gate names
-_SIBLINGS, _SCATTER = 3, 2.0  # channels, and the ratio of noises within which they are alike
+_GLANCE = 16  # samples that rule out a repeating record in nearly every case
+_NAMED = 10  # samples listed by a gate
+_SIBLINGS, _SCATTER = 3, 2.0  # channels, and the ratio of noises within which they count as alike
 
 
 def finite(channel: str, values: _Array) -> Gate:
@@ -99,23 +99,23 @@ def finite(channel: str, values: _Array) -> Gate:
 
 
 def numbers(places: NDArray[np.intp]) -> tuple[int, ...]:
-    """Return the numbers of the first samples at these places, counted from 1."""
+    """Return the sample numbers, counted from 1, of the first of these indices."""
     return tuple((places[:_NAMED] + 1).tolist())
 
 
 def present(values: _Array) -> _Array:
-    """Return the values that are numbers: the array itself where all are."""
+    """Return the finite values, the array itself if all are."""
     here = np.isfinite(values)
     return values if here.all() else values[here]
 
 
 def stuck(channel: str, values: _Array) -> Gate:
-    """Trip where a channel never changes, or holds a value for much longer than chance explains.
+    """Trip where a channel never changes, or repeats a value for much longer than chance explains.
 
-    In n samples of which a share p repeats the one before, the longest run of equal samples is about ln(n) / -ln(p);
-    three times that, ten samples, and what one record in a million holds are allowed. A signal that turns around or
-    rests in the middle of a count repeats more often there than elsewhere: p is at least the share of its noise that
-    stays within a count.
+    In n samples of which a share p repeats the one before, the longest run of equal samples is about ln(n) / -ln(p); a
+    run of three times that, of ten samples, or as long as one record in a million has is allowed. A signal that
+    reverses or rests in the middle of a count repeats more often there: p is at least the share of its noise that stays
+    within a count.
     """
     values = present(values)
     if values.size < 2:
@@ -141,15 +141,15 @@ def stuck(channel: str, values: _Array) -> Gate:
 
 
 def _by_chance(samples: float, share: float) -> float:
-    """Return the length of the longest run of equal samples among so many, of which a share repeats the one before."""
+    """Return the expected longest run of equal samples, given the share that repeats the one before."""
     return math.log(samples) / -math.log(share)
 
 
 def _within_a_count(values: _Array, run: slice) -> float:
-    """Return the share of samples that noise leaves in the count in whose middle the signal stands.
+    """Return the share of samples that noise leaves within one count, for a signal in its middle.
 
-    The noise is that of samples against the mean of their neighbours, outside of a run of equal ones; rounding adds a
-    twelfth of the squared count to its variance. The count is the least distance of neighbours.
+    Noise is measured against the mean of neighbouring samples, outside the run of equal ones; rounding adds a twelfth
+    of the squared count to its variance. The count is the least distance of neighbours.
     """
     steps = np.diff(values)
     moving = np.abs(steps[steps != 0.0])
@@ -163,7 +163,7 @@ def _within_a_count(values: _Array, run: slice) -> float:
 
 
 def _longest(again: NDArray[np.intp]) -> tuple[int, int]:
-    """Return the length and the first place of the longest run, given the places of samples that the next repeats."""
+    """Return length and first index of the longest run, given the indices of samples repeated by the next."""
     if not again.size:
         return 1, 0
     breaks = np.flatnonzero(np.diff(again) != 1)
@@ -174,12 +174,11 @@ def _longest(again: NDArray[np.intp]) -> tuple[int, int]:
 
 
 def repeated(channels: Mapping[str, _Array]) -> Gate:
-    """Trip where whole rows repeat the row before: the sensor was read faster than it measures.
+    """Trip where whole rows repeat the previous row: the sensor was read faster than it samples.
 
-    It also trips where all rows appear two or three times: a log appended to itself holds no more information.
-    A few repetitions are chance: more of them than one record in a million holds are not. With several channels they
-    are expected in the product of the channels' own shares; with one, in 0.28 steps over the standard deviation of its
-    noise.
+    It also trips where the whole log is duplicated or triplicated, which adds no information. Repetitions are allowed
+    up to the number that one record in a million has by chance. The expected share is the product of the channels' own
+    shares; for a single channel, 0.28 steps over the standard deviation of its noise.
     """
     name = "repeated"
     times = copies(channels.values())
@@ -205,7 +204,7 @@ def repeated(channels: Mapping[str, _Array]) -> Gate:
 
 
 def _explained(count: int, usual: float) -> bool:
-    """Tell whether chance makes so many repetitions in more than a millionth of records, where so many are usual.
+    """Return whether chance explains this many repetitions in more than one of a million records.
 
     H. Chernoff's bound on the tail of a Poisson distribution, P(k) <= exp(k - m - k ln(k / m)) for k above m.
     """
@@ -213,7 +212,7 @@ def _explained(count: int, usual: float) -> bool:
 
 
 def copies(columns: Iterable[_Array]) -> int:
-    """Return how many times the same rows appear in succession, 2 or 3; 1 where they do not, or never change."""
+    """Return how many copies of the same rows follow each other, 2 or 3; 1 if none, or if they never change."""
     arrays = list(columns)
     for times in (2, 3):
         part = arrays[0].size // times if arrays else 0
@@ -226,13 +225,13 @@ def copies(columns: Iterable[_Array]) -> int:
 
 
 def _alike(values: _Array, part: int, most: int) -> bool:
-    """Tell whether so many values are those a part of the series before."""
+    """Return whether up to `most` values equal those one part of the series earlier."""
     later = values[part : part + most]
     return np.array_equal(later, values[: later.size], equal_nan=True)
 
 
 def _expected(values: _Array) -> float:
-    """Return the share of samples that repeat the one before by chance, as the first of a long record show it."""
+    """Return the share of samples that repeat the one before by chance, from the beginning of a long record."""
     steps = np.diff(values[:_LOOKED_AT])
     moving = np.abs(steps[(steps != 0.0) & np.isfinite(steps)])
     if not moving.size and values.size > _LOOKED_AT:
@@ -243,10 +242,10 @@ def _expected(values: _Array) -> float:
 
 
 def alike(channels: Mapping[str, float]) -> Gate:
-    """Trip where the noise of one channel is that of its siblings times the factor of a mixed-up unit.
+    """Trip where the noise of one channel differs from its siblings' by the factor of a mixed-up unit.
 
     Args:
-        channels: noise by name of the channel, in one unit.
+        channels: noise by channel name, in one unit.
     """
     known = {name: noise for name, noise in channels.items() if math.isfinite(noise) and noise > 0.0}
     if len(known) < _SIBLINGS:
@@ -263,16 +262,16 @@ def alike(channels: Mapping[str, float]) -> Gate:
     return Gate(name="alike", channel="", ok=True, reason="no channel looks as if it were in another unit")
 
 
-_COLDEST, _HOTTEST = -60.0, 150.0  # degC that an electronic part survives
-_COARSE = 2.0  # K between neighbours, rms over sqrt(2): no temperature jumps like this
+_COLDEST, _HOTTEST = -60.0, 150.0  # degC: limits that an electronic part survives
+_COARSE = 2.0  # K between neighbours, rms over sqrt(2): too much for a temperature
 _ZERO = 273.15
 
 
 def celsius(channel: str, values: NDArray[np.float64], *, series: bool = True) -> Gate:
     """Trip where a temperature cannot be in degrees Celsius: raw counts, or kelvin.
 
-    Raw counts are whole numbers beyond any survivable temperature, or whose noise would be kelvins from sample to
-    sample; the latter only if the values are a series, and not a table of set temperatures.
+    Raw counts are whole numbers at temperatures that no part survives, or with a noise of kelvins between samples; the
+    latter applies only to a time series, not to a table of setpoints.
     """
     present = values[np.isfinite(values)]
     if not present.size:
@@ -296,15 +295,15 @@ FACTORS = {
     1000.0: "milli, and none",
     math.sqrt(2.0): "one-sided and two-sided densities",
 }
-"""Factors by which a density is off when two things were taken for each other."""
+"""Factors by which a density is wrong when two conventions or units are confused."""
 
-LOWEST, HIGHEST = 0.5, 3.0  # of the data sheet's density: what scatter of parts and settings explains
+LOWEST, HIGHEST = 0.5, 3.0  # of the data sheet's density: range explained by part tolerance and settings
 _NEAR = 1.3  # factor within which a wrong density is reported as one of FACTORS
-_ROOT = 1.05  # the same for the root of two, which the scatter of parts explains as well
+_ROOT = 1.05  # the same for the root of two, which part tolerance explains too
 
 
 def factor_of(ratio: float) -> str:
-    """Return the known factor that a ratio is near to, with what was mixed up; empty if there is none."""
+    """Return the known factor nearest to a ratio, with the confusion that causes it; empty if there is none."""
     for factor, meaning in FACTORS.items():
         near = _ROOT if factor < HIGHEST else _NEAR
         for candidate, shown in ((factor, f"{factor:.4g}"), (1.0 / factor, f"1/{factor:.4g}")):

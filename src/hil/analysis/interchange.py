@@ -1,4 +1,4 @@
-"""Common parts of exported calibrations: documents with a fingerprint, and numbers as C and JSON print them."""
+"""Shared by calibration exports: documents with a fingerprint, and number formats for C and JSON."""
 
 from __future__ import annotations
 
@@ -35,25 +35,25 @@ _Made = TypeVar("_Made")
 
 
 def short(value: float) -> float:
-    """Return a number as every export prints it: with 9 significant digits."""
+    """Return a number rounded as in every export, to 9 significant digits."""
     return float(f"{value:.{_DIGITS}g}")
 
 
 def sealed(document: Mapping[str, object]) -> dict[str, object]:
-    """Return a document with the SHA-256 of everything else in it as its `fingerprint`."""
+    """Return a document with a `fingerprint`, the SHA-256 of everything else in it."""
     return {**document, "fingerprint": digest(dict(document))}
 
 
 def as_text(document: Mapping[str, object]) -> str:
-    """Return a document as JSON text, the same for the same document."""
+    """Return a document as canonical JSON text."""
     return json.dumps(document, indent=2, allow_nan=False) + "\n"
 
 
 def parsed(text: str) -> Mapping[str, object]:
-    """Return the document that a JSON text holds.
+    """Parse a document from JSON text.
 
     Raises:
-        Refused: text that is no JSON object.
+        Refused: the text is not a JSON object.
     """
     try:
         document = parse_strict(text.encode("utf-8"))
@@ -65,15 +65,15 @@ def parsed(text: str) -> Mapping[str, object]:
 
 
 def opened(document: Mapping[str, object], schema: str, read: Callable[[Mapping[str, object]], _Made]) -> _Made:
-    """Return what a document holds.
+    """Verify a document, and return the calibration that it contains.
 
     Args:
-        document: with its fingerprint.
-        schema: the format that it must have.
-        read: makes the calibration; KeyError, TypeError, ValueError and AttributeError mean that something is missing.
+        document: the document with its fingerprint.
+        schema: the required format.
+        read: builds the calibration; KeyError, TypeError, ValueError and AttributeError mean an incomplete document.
 
     Raises:
-        Refused: a document of another format, one that does not match its fingerprint, or an incomplete one.
+        Refused: the document has another format, does not match its fingerprint, or is incomplete.
     """
     if document.get("schema") != schema:
         raise Refused(f"this is no calibration in the format {schema}", _HINT)
@@ -90,26 +90,26 @@ def opened(document: Mapping[str, object], schema: str, read: Callable[[Mapping[
 
 
 def finite(freedom: float) -> float | None:
-    """Return degrees of freedom as JSON holds them: null where they are infinite."""
+    """Return degrees of freedom as a JSON value: null if infinite."""
     return freedom if math.isfinite(freedom) else None
 
 
 def dof(value: object) -> float:
-    """Return degrees of freedom that JSON holds.
+    """Return degrees of freedom from a JSON value.
 
     Raises:
-        TypeError: it is no number, and not null.
+        TypeError: it is neither a number nor null.
     """
     return math.inf if value is None else number(value)
 
 
 def rows(values: Matrix | None) -> list[list[float]] | None:
-    """Return a matrix as JSON holds it."""
+    """Return a matrix as a JSON value."""
     return None if values is None else [list(row) for row in values]
 
 
 def matrix(values: object) -> Matrix:
-    """Return a matrix that JSON holds.
+    """Return a matrix from a JSON value.
 
     Raises:
         TypeError: it is none.
@@ -120,7 +120,7 @@ def matrix(values: object) -> Matrix:
 
 
 def number(value: object) -> float:
-    """Return a number that JSON holds.
+    """Return a number from a JSON value.
 
     Raises:
         TypeError: it is none.
@@ -131,10 +131,10 @@ def number(value: object) -> float:
 
 
 def printable(names: Iterable[str]) -> None:
-    """Refuse names that would end a comment or a string of C.
+    """Refuse names that would terminate a C comment or string.
 
     Raises:
-        Refused: such a name.
+        Refused: a name is not safe in C.
     """
     for name in names:
         if not name.isprintable() or "*/" in name or '"' in name or "\\" in name:
@@ -142,7 +142,7 @@ def printable(names: Iterable[str]) -> None:
 
 
 def labelled_rows(names: Sequence[str], values: Sequence[Sequence[float]]) -> str:
-    """Return rows of an array of C, filled with zeros to one length, each with its name as a comment."""
+    """Return the rows of a C array, zero-padded to one length, each with its name as a comment."""
     longest = max(map(len, values))
     filled = [[*row, *(0.0,) * (longest - len(row))] for row in values]
     return "\n".join(
@@ -151,5 +151,5 @@ def labelled_rows(names: Sequence[str], values: Sequence[Sequence[float]]) -> st
 
 
 def literal(value: float) -> str:
-    """Return a number as a literal of C."""
+    """Return a number as a C literal."""
     return repr(float(value))

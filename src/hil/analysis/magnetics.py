@@ -1,4 +1,4 @@
-"""The field of a coil, separated from the Earth's: its odd response to the current, and its direction."""
+"""Field of a coil, separated from the Earth's: odd response to the current, and its direction."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ class Response:
     """A coil's contribution to the field.
 
     Attributes:
-        odd: (3,), the part that follows the sign of the current: the coil's field at +I.
-        odd_covariance: (3, 3), of `odd`; NaN where it is not observable.
-        even: (3,), the part that both signs of the current share. It should be zero: heat, remanence, or a supply
-            that disturbs the magnetometer show here.
-        even_covariance: (3, 3), of `even`; NaN where it is not observable.
-        drift: (3,), slope of the surrounding field that was taken out, in `unit` per unit of `times`.
-        unit: of the field.
-        repetitions: how many times the three phases were measured.
+        odd: (3,), the part that changes sign with the current: the coil's field at +I.
+        odd_covariance: (3, 3), covariance of `odd`; NaN where not observable.
+        even: (3,), the part common to both signs of the current. It should be zero: heating, remanence, or
+            interference from the supply shows here.
+        even_covariance: (3, 3), covariance of `even`; NaN where not observable.
+        drift: (3,), slope of the ambient field that was removed, in `unit` per unit of `times`.
+        unit: unit of the field.
+        repetitions: number of repetitions of the three phases.
     """
 
     odd: _Vector
@@ -50,12 +50,12 @@ class Response:
 
     @property
     def observable(self) -> bool:
-        """Whether the data show the field and its uncertainty."""
+        """Whether the data determine the field and its uncertainty."""
         return bool(np.isfinite(self.odd_covariance).all())
 
     @traced
     def component(self, axis: str) -> Figure:
-        """Return one axis (`x`, `y` or `z`) of the odd part."""
+        """Return one component (`x`, `y` or `z`) of the odd part."""
         if axis not in _AXES:
             raise ValueError(f"axes are x, y and z, got {axis!r}")
         return _along(self, np.eye(3)[_AXES.index(axis)])
@@ -63,17 +63,17 @@ class Response:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Direction:
-    """The direction of a coil's field.
+    """Direction of a coil's field.
 
-    Significance and sense are statistics, exact as computed: a limit on them is decided `simple`.
+    Significance and sense are statistics, exact as computed, so limits on them use the decision rule `simple`.
 
     Attributes:
-        angle: between the field and the outward normal, 0 to 180 deg.
-        projection: of the field on the outward normal; its sign decides the hand convention.
-        significance: |projection| in units of its standard uncertainty.
+        angle: angle between the field and the outward normal, 0 to 180 deg.
+        projection: projection of the field on the outward normal; its sign determines the winding sense.
+        significance: |projection| over its standard uncertainty.
         sense: +1 where the field leaves the outer face, -1 where it enters; NOT_OBSERVABLE where the projection is
-            not significant. A coil whose current runs counter-clockwise, seen from outside, gives +1 by the
-            right-hand rule.
+            not significant. Current that runs counter-clockwise, seen from outside, gives +1 by the right-hand
+            rule.
     """
 
     angle: Figure
@@ -91,37 +91,40 @@ def odd_response(
     times: ArrayLike | None = None,
     unit: str = "uT",
 ) -> Response:
-    """Separate a coil's field from the Earth's, the magnetometer's offset, and their drift.
+    """Separate a coil's field from the Earth's field, the magnetometer's offset, and their drift.
 
     Model for phase p (current +I, 0, -I) of repetition r at time t: B = E + d t + s b + s^2 e + noise, with s = +1, 0
-    or -1. The drift d is the slope of the repetitions' means over time; with it taken out,
+    or -1. The drift d is the slope of the repetitions' means over time; with it removed,
     odd_r = (B+ - B-) / 2 and even_r = (B+ + B- - 2 B0) / 2. A linear drift cancels exactly, in any order of the
-    phases. Of a quadratic drift q t^2 in equally spaced phases of one order nothing is left in the mean of `odd`, but
-    its scatter shows it, and `even` keeps q times the square of the spacing. Faster changes are noise.
+    phases. A quadratic drift q t^2 in equally spaced phases of one order cancels in the mean of `odd`, but shows in its
+    scatter, and `even` keeps q times the square of the spacing. Faster changes are noise.
 
-    The covariance is the scatter of the repetitions over their number, and that of the slope added; degrees of freedom
-    are repetitions - 1. Its diagonal is never below what the noise within the phases alone would give. One repetition,
-    or a number that is not finite, is not observable.
+    The covariance is the scatter of the repetitions over their number, plus that of the slope; degrees of freedom are
+    repetitions - 1. Its diagonal is at least the contribution of the noise within the phases. With one repetition, or a
+    value that is not finite, the result is not observable.
 
     Args:
         plus: at +I: (repetitions, 3) means, or (repetitions, samples, 3) raw samples; phases may differ in length.
         zero: the same without current.
         minus: the same at -I.
-        times: (repetitions, 3), middle of the phases at +I, 0, -I in any unit of time; without it equally long
-            phases in the order +I, 0, -I that follow each other without a pause.
-        unit: of the fields.
+        times: (repetitions, 3), midpoints of the phases at +I, 0, -I in any unit of time; by default consecutive
+            phases of equal length in the order +I, 0, -I.
+        unit: unit of the fields.
+
+    Raises:
+        ValueError: the phases differ in their number of repetitions, or the shapes do not match.
     """
     (high, high_noise), (rest, rest_noise), (low, low_noise) = (_phase(data) for data in (plus, zero, minus))
     if not len(high) == len(rest) == len(low):
         raise ValueError(f"+I was measured {len(high)} times, no current {len(rest)} times, -I {len(low)} times")
     fields = np.stack([high, rest, low], axis=1)  # (repetitions, phase, axis)
     when = _times(times, len(fields))
-    if len(fields) < 2 or not np.isfinite(fields).all():  # one repetition cannot tell drift from current
+    if len(fields) < 2 or not np.isfinite(fields).all():  # one repetition cannot separate drift from current
         return _unobservable(fields, unit)
     drift, drift_covariance = _drift(fields, when)
     when = when - when.mean()
     high, rest, low = np.moveaxis(fields - when[:, :, None] * drift, 1, 0)
-    lever = when.mean(axis=0)  # what an error of the slope moves the phases by
+    lever = when.mean(axis=0)  # sensitivity of the phases to an error of the slope
     quarter = 4 * len(fields) ** 2
     odd, even = (high - low) / 2, (high + low - 2 * rest) / 2
     return Response(
@@ -147,24 +150,24 @@ def odd_response(
 def direction(
     response: Response, outward_normal: ArrayLike, *, alignment: float = 0.0, significant: float = 5.0
 ) -> Direction:
-    """Compare a coil's field with the outward normal of its board.
+    """Compare the direction of a coil's field with the outward normal of its board.
 
-    Angle = atan2(|b x n|, b . n), uncertainty to first order. The second direction across the field changes the angle
-    to second order only, unless the angle is not larger than its own noise; it is counted as far as that is so.
+    Angle = atan2(|b x n|, b . n), uncertainty to first order. Noise in the second transverse direction affects the
+    angle only to second order, unless the angle is within its own noise; it is included to that extent.
 
     Args:
-        response: of the coil, from `odd_response`.
-        outward_normal: (3,), in the magnetometer's axes, any length but zero.
-        alignment: standard uncertainty in deg of the magnetometer's alignment with the board.
-        significant: how many standard uncertainties a projection must have before its sign counts, and a field
-            before it has an angle.
+        response: the coil's response, from `odd_response`.
+        outward_normal: (3,), in the magnetometer's axes, of any nonzero length.
+        alignment: standard uncertainty of the magnetometer's alignment with the board [deg].
+        significant: significance in standard uncertainties needed for the sign of the projection, and for the
+            angle of a field.
     """
     normal = np.asarray(outward_normal, dtype=float)
     if normal.shape != (3,) or not np.isfinite(normal).all() or not normal.any():
         raise ValueError(f"the outward normal must be three finite numbers that are not all zero, got {normal}")
     normal = normal / np.linalg.norm(normal)
     projection = _along(response, normal)
-    if not projection.uncertainty:  # unknown; or no scatter at all, which says nothing of the noise
+    if not projection.uncertainty:  # unknown; or no scatter at all, which shows nothing about the noise
         ratio, sense = not_observable("1"), not_observable("1")
     else:
         score = abs(projection.value) / projection.uncertainty
@@ -177,7 +180,7 @@ def direction(
 
 
 def _phase(data: _Phase) -> tuple[_Vector, _Vector]:
-    """Return means and their variances within the phases, both (repetitions, 3); given means have none."""
+    """Return means and their variances within the phases, both (repetitions, 3); zero variance for given means."""
     means, variances = [], []
     for item in data:
         block = np.asarray(item, dtype=float)
@@ -194,7 +197,7 @@ def _phase(data: _Phase) -> tuple[_Vector, _Vector]:
 
 
 def _times(times: ArrayLike | None, repetitions: int) -> _Vector:
-    """Return the middles of the phases, (repetitions, 3), checked."""
+    """Return the midpoints of the phases, (repetitions, 3), validated."""
     if times is None:
         return np.arange(3.0 * repetitions).reshape(repetitions, 3)
     when = np.asarray(times, dtype=float)
@@ -208,8 +211,8 @@ def _times(times: ArrayLike | None, repetitions: int) -> _Vector:
 def _drift(fields: _Vector, when: _Vector) -> tuple[_Vector, _Vector]:
     """Return the slope (3,) of the repetitions' means and its covariance (3, 3).
 
-    In the mean of the three phases the coil's odd part cancels and the even part is the same every time; for equal
-    noise in all phases it is independent of the odd part.
+    In the mean of the three phases the coil's odd part cancels and the even part is constant; for equal noise in all
+    phases it is independent of the odd part.
     """
     middles = when.mean(axis=1) - when.mean()
     level = fields.mean(axis=1)
@@ -218,7 +221,7 @@ def _drift(fields: _Vector, when: _Vector) -> tuple[_Vector, _Vector]:
     if len(fields) > 2:
         rest = level - level.mean(axis=0) - np.outer(middles, slope)
         spread = rest.T @ rest / (len(fields) - 2)
-    else:  # two points leave no rest; for equal noise the mean of three has 2/3 of the variance of half a difference
+    else:  # two points leave no residual; for equal noise the mean of three has 2/3 of half a difference's variance
         spread = np.cov((fields[:, 0] - fields[:, 2]).T / 2) * 2 / 3
     return slope, spread / length
 
@@ -231,7 +234,7 @@ def _covariance(parts: _Vector, drift: _Vector, floor: _Vector) -> _Vector:
 
 
 def _unobservable(fields: _Vector, unit: str) -> Response:
-    """Return what one repetition, or numbers that are not finite, still show: values without uncertainty."""
+    """Return the response of one repetition, or of values that are not finite: values without uncertainty."""
     plus, zero, minus = fields.sum(axis=0) / len(fields) if len(fields) else np.full((3, 3), np.nan)
     unknown = np.full((3, 3), np.nan)
     return Response(
@@ -255,7 +258,7 @@ def _along(response: Response, normal: _Vector) -> Figure:
 
 
 def _angle(response: Response, normal: _Vector, alignment: float, significant: float) -> Figure:
-    """Return the angle between the odd part and a unit vector; a field within its noise has none."""
+    """Return the angle between the odd part and a unit vector; not observable for a field within its noise."""
     field, covariance = response.odd, response.odd_covariance
     along = float(field @ normal)
     across = field - along * normal
@@ -281,6 +284,6 @@ def _angle(response: Response, normal: _Vector, alignment: float, significant: f
 
 
 def _any_perpendicular(normal: _Vector) -> _Vector:
-    """Return a unit vector across a unit vector."""
+    """Return a unit vector perpendicular to a unit vector."""
     across: _Vector = np.cross(normal, np.eye(3)[int(np.argmin(np.abs(normal)))])
     return across / float(np.linalg.norm(across))

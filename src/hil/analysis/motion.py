@@ -1,9 +1,9 @@
-"""Motion in a log: when a gyroscope and a magnetometer were at rest, when they turned, and when they were shaken.
+"""Motion detection in a log of gyroscope and magnetometer: rest, rotation and shaking.
 
-The times at which a satellite or a balloon was at rest are not recorded: the readings must show them. They are cut into
-windows of equal length. A window is quiet where every axis scatters as little as the sensor's own noise, and the field
-stands still where its vector does. A steady spin is quiet as well: only the field, or a rate beyond any bias,
-distinguishes it from rest.
+The log of a satellite or balloon does not say when it was at rest, so the readings must show it. They are cut into
+windows of equal length. A window is quiet if no axis scatters more than the sensor's own noise, and the field is
+constant if its vector is. A steady spin is quiet too: only the field, or a rate too large for a bias, distinguishes it
+from rest.
 """
 
 from __future__ import annotations
@@ -21,21 +21,21 @@ __all__ = ["AXES", "FEWEST", "SURE", "Kind", "Motions", "Run", "motions"]
 
 AXES = ("x", "y", "z")
 FEWEST = 10
-"""Samples of a window, and windows of a log."""
+"""Least number of samples per window, and of windows per log."""
 SURE = 5.0
-"""Standard deviations beyond which a difference is no chance."""
+"""Standard deviations beyond which a difference is significant."""
 
-_QUIETEST = 0.2  # of the windows: what scatters as little as these is noise
-_LOUDER = 1.6  # times the noise: what scatters less is noise as well
-_MOVED = 0.01  # of the field: it drifts by less while nothing turns
-_SWINGS = 0.1  # of the field, rms: noise is less, also where every window swings as much as the others
-_ANOTHER = 0.3  # of a rate, by which it changes at once where another turn begins
+_QUIETEST = 0.2  # share of the windows, the quietest, that define the noise
+_LOUDER = 1.6  # multiple of the noise up to which scatter still counts as noise
+_MOVED = 0.01  # of the field: more than its drift without rotation
+_SWINGS = 0.1  # of the field, rms: more than noise, even if every window swings equally
+_ANOTHER = 0.3  # relative step of a rate at which another rotation begins
 
 _Array = NDArray[np.float64]
 
 
 class Kind(StrEnum):
-    """The kind of motion in a phase."""
+    """Kind of motion in a phase."""
 
     REST = "rest"
     ROTATION = "rotation"
@@ -45,7 +45,7 @@ class Kind(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Run:
-    """Samples of one kind of motion, from `first` to before `after`, and whether the field stood still meanwhile."""
+    """Samples `first` to before `after` with one kind of motion; and whether the field was constant meanwhile."""
 
     kind: Kind
     first: int
@@ -55,13 +55,13 @@ class Run:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Motions:
-    """What moved in a log.
+    """Motion found in a log.
 
     Attributes:
-        bias: of the rates, shape (3,): the median of the windows at rest, zeros if nothing was at rest.
+        bias: bias of the rates, shape (3,): the median of the windows at rest, zeros if there was no rest.
         noise: standard deviation of a sample of the rates, shape (3,).
-        calm: whether anything was at rest.
-        runs: in order of time, without gaps.
+        calm: whether there was any rest.
+        runs: runs in order of time, without gaps.
     """
 
     bias: _Array
@@ -76,12 +76,12 @@ def motions(
     """Separate rest from motion.
 
     Args:
-        rates: of the gyroscope, shape (n, 3), evenly spaced; NaN where a sample is missing.
-        field: of the magnetometer, shape (n, 3), at the same times; NaN where it has no reading.
-        width: samples of a window; n is ten times that at least.
-        still: what a bias may change by, in the unit of the rates.
-        shortest: shortest run that is reported, in windows.
-        every: rows to a reading of the magnetometer, 1 if it is as fast as the gyroscope.
+        rates: readings of the gyroscope, shape (n, 3), evenly spaced; NaN marks a missing sample.
+        field: readings of the magnetometer, shape (n, 3), at the same times; NaN where it has none.
+        width: samples per window; n is at least ten times that.
+        still: largest change of bias, in the unit of the rates.
+        shortest: shortest run reported, in windows.
+        every: rows per reading of the magnetometer, 1 if it is as fast as the gyroscope.
     """
     seen = _Windows.cut(rates, width, field=None if field is None else _Windows.cut(field, width, every=every))
     if seen.missing.all():
@@ -110,10 +110,10 @@ def motions(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Windows:
-    """Means (w, 3), scatters (w, 3) and noise (3,) of the rates, and the same of the field; which windows lack half.
+    """Means (w, 3), scatters (w, 3) and noise (3,) of rates or field per window; and which windows lack half.
 
-    `trimmed` is the scatter without the sample that is farthest away: a spike is no motion. `width` is how many samples
-    a window has where none is missing.
+    `trimmed` is the scatter without the farthest sample, so that a spike does not count as motion. `width` is the
+    number of samples in a complete window.
     """
 
     means: _Array
@@ -126,7 +126,7 @@ class _Windows:
 
     @classmethod
     def cut(cls, table: _Array, rows: int, *, every: float = 1.0, field: _Windows | None = None) -> _Windows:
-        """Cut a table into windows; the rows after the last whole one belong to it, and play no part here."""
+        """Cut a table into windows, ignoring the rows after the last complete one."""
         count, width = len(table) // rows, round(rows / every)
         parts = table[: count * rows].reshape(count, rows, len(AXES))
         here = np.isfinite(parts)
@@ -147,12 +147,12 @@ class _Windows:
         )
 
     def quiet(self) -> NDArray[np.bool_]:
-        """Where no axis scatters by more than its noise."""
+        """Mask of windows in which no axis scatters by more than its noise."""
         limit = max(_LOUDER, _quantile(self.width - 1, 1.0 - 1e-6))
         return (self.trimmed <= limit * self.noise).all(axis=1) & ~self.missing
 
     def moves(self) -> NDArray[np.bool_]:
-        """Where the vector of the field moves, within a window or from its neighbours."""
+        """Mask of windows in which the field vector changes, internally or against the neighbours."""
         if self.field is None:
             return np.zeros(len(self.means), dtype=bool)
         its = self.field
@@ -173,7 +173,7 @@ def _quantile(dof: int, share: float) -> float:
 
 
 def _cuts(turning: _Array) -> list[int]:
-    """Return by window how often the rate has changed at once by a third before: one turn ends, and another begins."""
+    """Return, per window, the number of earlier rate steps of a third: each ends one rotation and begins another."""
     step = np.sqrt(np.square(turning[2:] - turning[:-2]).sum(axis=1))
     size = np.sqrt(np.square(turning).sum(axis=1))
     change = step > _ANOTHER * np.maximum(size[2:], size[:-2])
@@ -185,8 +185,8 @@ def _cuts(turning: _Array) -> list[int]:
 def _merged(windows: Sequence[tuple[Kind, int]], shortest: int) -> list[tuple[Kind, int, int]]:
     """Return kind, first window and the one after the last of each phase.
 
-    A rest that is too short belongs to what moved beside it, a motion that is too short to a longer motion beside it;
-    one within a rest is told, as unsteady. Only a rotation ends where another begins.
+    A rest that is too short joins the adjacent motion, a motion that is too short an adjacent longer motion; one within
+    a rest is kept, as unsteady. Only a rotation ends where another begins.
     """
     keys = [(kind, cut if kind is Kind.ROTATION else 0) for kind, cut in windows]
     runs: list[tuple[tuple[Kind, int], int, int]] = []

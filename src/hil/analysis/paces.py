@@ -1,7 +1,7 @@
-"""Which rows of a log are a sensor's own, if it holds sensors of different rates.
+"""Selection of a sensor's own rows in a log that interleaves sensors of different rates.
 
-A log has one row for each reading of the fastest sensor, or one for each reading of any. In a row without a new
-reading, a sensor's cells are empty, or repeat its last reading.
+A log has one row per reading of the fastest sensor, or per reading of any. In a row without a new reading of a sensor,
+its cells are empty or hold the last reading.
 """
 
 from __future__ import annotations
@@ -13,21 +13,21 @@ from numpy.typing import NDArray
 
 __all__ = ["own_rows"]
 
-_SLOWER = 1.2  # rows to a reading: with fewer single readings are missing, or repeat by chance
-_FEWEST = 50  # readings from which their pace is known
-_REGULAR = 0.8  # of the scatter that chance makes: what is held comes more regularly
-_STUCK = 10.0  # times the usual: what stands for longer hangs, and less is a reading that was lost
+_SLOWER = 1.2  # least rows per reading: below this single readings are missing, or repeat by chance
+_FEWEST = 50  # readings needed to determine the pace
+_REGULAR = 0.8  # of the scatter by chance: held readings are more regular
+_STUCK = 10.0  # multiple of the typical hold time: beyond it the sensor is stuck, below it a reading was lost
 
 
 def own_rows(values: NDArray[np.float64], *, apart: bool = False) -> NDArray[np.intp] | None:
-    """Return the places of the rows with a reading of their own, None if they are all.
+    """Return the indices of the rows with a new reading, shape (k,); None if all rows have one.
 
-    A row without any number is none. Where readings are held, the first row of each counts; a reading that stands for
-    far longer than usual counts once in as many rows as usual, so that a sensor that hangs still shows as one.
+    A row without any number has none. Where readings are held, the first row of each counts; a reading held far longer
+    than usual counts once per typical hold time, so that a stuck sensor stays visible.
 
     Args:
-        values: of one sensor, shape (n, axes).
-        apart: whether rows without a number are known to be another sensor's, however few they are.
+        values: readings of one sensor, shape (n, axes).
+        apart: whether rows without a number are known to belong to another sensor, however few.
     """
     there = np.flatnonzero(~np.isnan(values).all(axis=1))
     apart = there.size >= _FEWEST and len(values) > (1.0 if apart else _SLOWER) * there.size
@@ -39,7 +39,7 @@ def own_rows(values: NDArray[np.float64], *, apart: bool = False) -> NDArray[np.
 
 
 def _fresh(values: NDArray[np.float64]) -> NDArray[np.intp] | None:
-    """Return the places where a held reading is new, None if readings are not held."""
+    """Return the indices at which a held reading is new, None if readings are not held."""
     new = np.flatnonzero(np.concatenate(([True], (values[1:] != values[:-1]).any(axis=1))))
     lasts = np.diff(np.append(new, len(values)))
     usual = lasts[lasts <= _STUCK * np.median(lasts)]

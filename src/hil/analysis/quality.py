@@ -1,4 +1,4 @@
-"""Quality of a recording or a log: conditions on its samples, timestamps and noise before anything is computed."""
+"""Quality of a recording or log: gates on its samples, timestamps and noise before anything is computed."""
 
 from __future__ import annotations
 
@@ -30,17 +30,17 @@ from hil.model.errors import Refused
 
 __all__ = ["aliased", "density", "density_agrees", "judge", "read", "sampled", "timing", "tripped"]
 
-_JITTER = 0.05  # of an interval, rms: white noise of a slow signal is not changed by less
+_JITTER = 0.05  # of an interval, rms: less does not affect white noise of a slow signal
 _FIRST = 40_000  # samples from which the scatter of siblings is compared
 _OFF = 0.02  # of the rate: Allan times and densities move by half of it
 
 
 def timing(time: ArrayLike, facts: Facts) -> tuple[SamplingReport | None, tuple[Gate, ...]]:
-    """Return the report on the timestamps, None if they allow none, and the gates on them.
+    """Return the sampling report of timestamps, None if there is none, and the gates on them.
 
     Args:
         time: timestamps in s, shape (n,).
-        facts: of these the rate.
+        facts: known properties; only the rate is used.
     """
     try:
         report = assess(time)
@@ -50,12 +50,12 @@ def timing(time: ArrayLike, facts: Facts) -> tuple[SamplingReport | None, tuple[
 
 
 def sampled(time: ArrayLike, report: SamplingReport, facts: Facts) -> tuple[Gate, ...]:
-    """Return the gates on timestamps of which the report is known: order, gaps, jitter and rate.
+    """Return the gates on timestamps with a known report: order, gaps, jitter and rate.
 
     Args:
         time: timestamps in s, shape (n,).
-        report: what they say.
-        facts: of these the rate.
+        report: their sampling report.
+        facts: known properties; only the rate is used.
     """
     backwards = f"{report.duplicates} timestamps repeat and {report.reversals} precede the one before"
     ordered = not (report.duplicates or report.reversals)
@@ -79,9 +79,9 @@ def _rate(report: SamplingReport, facts: Facts) -> Gate:
 
 
 def aliased(rate: float, facts: Facts) -> Gate:
-    """Trip where the sensor lets frequencies above half of the sampling rate through: their noise adds to the density.
+    """Trip where the sensor passes frequencies above half the sampling rate, whose noise aliases into the band.
 
-    White noise rises by sqrt(2 bandwidth / rate): by less than 1 % where the bandwidth is half of the nominal rate.
+    White noise rises by sqrt(2 bandwidth / rate): by less than 1 % if the bandwidth is half the nominal rate.
     """
     if facts.bandwidth is None:
         return Gate(name="aliased", channel="", ok=None, reason="the sensor's bandwidth is not known")
@@ -96,10 +96,10 @@ def aliased(rate: float, facts: Facts) -> Gate:
 
 
 def density(values: NDArray[np.float64], rate: float) -> float:
-    """Return the one-sided density of white noise, sqrt(2 tau) times the Allan deviation near 1 s, per root of a hertz.
+    """Return the one-sided white-noise density per root Hz: sqrt(2 tau) times the Allan deviation near 1 s.
 
-    Data sheets state this; the coefficient N of the Allan deviation is two-sided, sqrt(2) smaller. NaN if the record
-    shows none. A record below 4 s is read at its longest averaging time.
+    Data sheets state this; the coefficient N of the Allan deviation is two-sided, smaller by sqrt(2). NaN if the record
+    shows none. A record below 4 s is read at its longest averaging time. `values` is (n,), `rate` in Hz.
     """
     try:
         curve = deviation(values, rate, [_second(values.size, rate)], holes=True)
@@ -113,14 +113,14 @@ def _second(samples: int, rate: float) -> float:
 
 
 def density_agrees(channel: str, measured: float, facts: Facts) -> Gate:
-    """Trip where the density is not within 0.5 and 3 times that of the data sheet; name the factor if it is known.
+    """Trip where the density is outside 0.5 to 3 times that of the data sheet; name the factor if it is known.
 
     The root of two lies within; it is named in the reason only.
 
     Args:
-        channel: its name.
-        measured: one-sided, as `density` returns it.
-        facts: with the data sheet's density, one-sided.
+        channel: name of the channel.
+        measured: one-sided density, from `density`.
+        facts: known properties, with the data sheet's one-sided density.
     """
     name = "density"
     if facts.noise_density is None or not math.isfinite(measured):
@@ -133,7 +133,7 @@ def density_agrees(channel: str, measured: float, facts: Facts) -> Gate:
 
 
 def judge(time: ArrayLike, channels: Mapping[str, ArrayLike], facts: Facts) -> tuple[Gate, ...]:
-    """Return every gate for a recording at rest, those that could not be judged included.
+    """Return every gate for a recording at rest, including those that could not be judged.
 
     For the recording: order, gaps, jitter, rate, repeated, aliased, alike. For each channel: finite, stuck, saturated,
     spikes, resolved, wrapped, jumps, steady, interleaved and density; for the temperature finite and celsius only,
@@ -142,10 +142,10 @@ def judge(time: ArrayLike, channels: Mapping[str, ArrayLike], facts: Facts) -> t
     Args:
         time: timestamps in s, shape (n,).
         channels: values by name, each of shape (n,).
-        facts: facts about the sensor.
+        facts: known properties of the sensor.
 
     Raises:
-        Refused: a channel that has not as many values as there are timestamps.
+        Refused: a channel does not have as many values as there are timestamps.
     """
     arrays = {name: np.asarray(values, dtype=np.float64) for name, values in channels.items()}
     count = np.size(time)
@@ -157,7 +157,7 @@ def judge(time: ArrayLike, channels: Mapping[str, ArrayLike], facts: Facts) -> t
 
 
 def read(channels: Mapping[str, NDArray[np.float64]], facts: Facts, rate: float | None) -> tuple[Gate, ...]:
-    """Return the gates on what the channels read, whatever their times: those of `judge` but order, gaps, jitter, rate.
+    """Return the gates on the channels' values: those of `judge` except order, gaps, jitter and rate.
 
     Args:
         channels: values by name, all of one shape (n,).
@@ -184,7 +184,7 @@ def read(channels: Mapping[str, NDArray[np.float64]], facts: Facts, rate: float 
 
 
 def _without_infinities(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    if math.isfinite(values.sum()):  # one pass that needs no memory, and nearly every record ends here
+    if math.isfinite(values.sum()):  # one pass without extra memory, enough for nearly every record
         return values
     infinite = np.isinf(values)
     return np.where(infinite, np.nan, values) if infinite.any() else values
@@ -199,5 +199,14 @@ def _scatter(values: NDArray[np.float64]) -> float:
 
 @traced
 def tripped(time: ArrayLike, channels: Mapping[str, ArrayLike], facts: Facts) -> tuple[Gate, ...]:
-    """Return the gates that a recording does not pass; see `judge`. A gate that lacks a fact is not among them."""
+    """Return the gates of `judge` that trip, without those that lack a fact.
+
+    Args:
+        time: timestamps in s, shape (n,).
+        channels: values by name, each of shape (n,).
+        facts: known properties of the sensor.
+
+    Raises:
+        Refused: a channel does not have as many values as there are timestamps.
+    """
     return tuple(gate for gate in judge(time, channels, facts) if gate.ok is False)

@@ -1,8 +1,7 @@
-"""One sensor warmed and cooled twice in the same way: whether its drift over temperature has changed.
+"""Repeatability of a sensor's temperature drift over two runs with the same temperature profile.
 
-Two slopes, each with its own uncertainty, show little of that: deviations from a line, such as a hysteresis loop, add
-to the uncertainty of both, although they are the same in both. In the difference of the runs, sample by sample, it
-cancels.
+Comparing two slopes is inefficient: what a line does not follow, such as a hysteresis loop, is uncertainty in both,
+although it is the same in both. In the difference of the runs, sample by sample, it cancels.
 """
 
 from __future__ import annotations
@@ -24,19 +23,19 @@ _Arrays: TypeAlias = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.
 
 @traced
 def drift_change(first: _Run, again: _Run, unit: str) -> Drift:
-    """Return the change in the drift of an axis from one run to a second one with the same temperature profile.
+    """Return the change of an axis's drift from one run to a second with the same temperature profile.
 
-    The slope is that of the second run less that of the first, from their difference at equal times since they began.
-    Each run is taken less the line of the first one before, so that a run that became a little warmer or colder changes
-    nothing. Slow noise of both runs is in the uncertainty; time beyond the shorter run is left out.
+    The slope is that of the second run minus that of the first, from their difference at equal times since their start.
+    The first run's line is subtracted from each run beforehand, so that slightly different temperatures have no effect.
+    The uncertainty includes the slow noise of both runs; time beyond the shorter run is left out.
 
     Args:
-        first: time [s], temperature [degC] and values in `unit`, of equal shapes (n,).
-        again: the same of the second run, shapes (m,).
-        unit: of the values.
+        first: time [s], temperature [degC] and values in `unit` of the first run, each of shape (n,).
+        again: the same for the second run, each of shape (m,).
+        unit: unit of the values.
 
     Raises:
-        Refused: arrays of different shapes, or none at all.
+        Refused: arrays of different shapes, or empty ones.
     """
     runs = [_arrays(run) for run in (first, again)]
     slope = drift_of(*runs[0], unit).slope.value
@@ -53,6 +52,6 @@ def _arrays(run: _Run) -> _Arrays:
 
 
 def _less(run: _Arrays, slope: float) -> _Arrays:
-    """Return a run's time since its beginning, its temperature, and its values less a line over temperature."""
+    """Return a run's time since its start, its temperature, and its values minus a line over temperature."""
     time, degrees, values = run
     return time - time[0], degrees, values - slope * (degrees - degrees[0])

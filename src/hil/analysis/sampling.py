@@ -1,4 +1,4 @@
-"""The sampling of a record: rate and its uncertainty, jitter, rounding, bursts, gaps, and the place of each sample."""
+"""Sampling of a record: rate with uncertainty, jitter, rounding, bursts, gaps, and the grid index of each sample."""
 
 from __future__ import annotations
 
@@ -18,40 +18,40 @@ __all__ = ["SamplingReport", "assess", "placed", "with_holes"]
 _Array: TypeAlias = NDArray[np.float64]
 _Places: TypeAlias = NDArray[np.int64]
 
-_MOST_MISSING = 10  # times the samples that are there
-_GAP = 0.5  # of an interval: one longer than the usual by more has lost a sample
-_SPREAD = 6.0  # robust standard deviations that an interval may be longer, where that is more
-_BURST = 0.3  # share of timestamps that follow the one before at once, from which samples come in bursts
+_MOST_MISSING = 10  # multiple of the present samples
+_GAP = 0.5  # of an interval: excess length at which a sample was lost
+_SPREAD = 6.0  # the same in robust standard deviations, where that is more
+_BURST = 0.3  # share of timestamps that immediately follow the previous one, from which samples come in bursts
 _AT_ONCE = 0.25  # of the interval between bursts
-_COARSE = 0.2  # of an interval: a resolution from which rounding looks like jitter and loss
-_LONGEST_STEP, _SHORTEST_STEP = 1e15, 1e-15  # s between timestamps; beyond them squares of rates leave the range
-_BLOCK = 1 << 14  # intervals that are looked at at once, within the processor's cache
-_SAMPLE = 1000  # values that tell about where the median is
-_SHARED = 0.5  # share of timestamps that repeat the one before, beyond which they are bursts
-_FEW, _MANY = 5, 50  # odd intervals: fewer are losses; of many, losses would wander further
-_WANDER = (1.5, 3.0)  # resolutions that rounded times keep to, with few and with many odd intervals
+_COARSE = 0.2  # of an interval: resolution at which rounding looks like jitter and loss
+_LONGEST_STEP, _SHORTEST_STEP = 1e15, 1e-15  # s between timestamps; beyond them squares of rates overflow
+_BLOCK = 1 << 14  # intervals processed at once, within the processor's cache
+_SAMPLE = 1000  # values for a first estimate of the median
+_SHARED = 0.5  # share of repeated timestamps beyond which they are bursts
+_FEW, _MANY = 5, 50  # odd intervals: fewer are losses; many losses would drift further
+_WANDER = (1.5, 3.0)  # resolutions within which rounded times stay, with few and with many odd intervals
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SamplingReport:
-    """The sampling of a record, according to its timestamps.
+    """Sampling properties of a record, from its timestamps.
 
     Attributes:
         samples: number of timestamps.
-        duration: from the first to the last, in s.
-        rate: samples per second, from their count and the time that they took; gaps do not lower it.
-        rate_uncertainty: its standard uncertainty from the scatter of the timestamps, in Hz; the error of the clock
-            that wrote them is not in it.
-        jitter_rms: root mean square deviation of a regular interval from their mean, in s.
-        jitter_max: largest deviation of a regular interval from their mean, in s.
-        gaps: how many intervals are too long for one sample: by half an interval, or by more than the jitter explains.
-        longest_gap: the longest of them, in s, 0 without gaps.
-        missing: about how many samples the gaps swallowed.
-        duplicates: how many timestamps repeat the one before, without rounding or bursts that explain it.
-        reversals: how many timestamps lie before the one before.
-        resolution: decimal step of the timestamps in s, 0 if there is none.
-        rounded: whether intervals differ because the timestamps are rounded, and not because samples are missing.
-        burst: mean number of samples that were read at once, 1 if they came one by one.
+        duration: time from the first to the last [s].
+        rate: sampling rate from count and duration, unaffected by gaps [Hz].
+        rate_uncertainty: its standard uncertainty from the scatter of the timestamps [Hz], without the error of the
+            clock that wrote them.
+        jitter_rms: rms deviation of regular intervals from their mean [s].
+        jitter_max: largest deviation of a regular interval from their mean [s].
+        gaps: number of intervals too long for one sample: by half an interval, or by more than jitter explains.
+        longest_gap: the longest gap [s], 0 without gaps.
+        missing: approximate number of samples lost in the gaps.
+        duplicates: number of repeated timestamps not explained by rounding or bursts.
+        reversals: number of timestamps earlier than the previous one.
+        resolution: decimal resolution of the timestamps [s], 0 if there is none.
+        rounded: whether uneven intervals are due to rounded timestamps rather than missing samples.
+        burst: mean number of samples per read, 1 if they came one by one.
     """
 
     samples: int
@@ -71,26 +71,26 @@ class SamplingReport:
 
     @property
     def even(self) -> bool:
-        """Whether the samples may be taken as evenly spaced: no gap, no repeated and no reversed timestamp."""
+        """Whether the samples can be taken as evenly spaced: no gap, duplicate or reversal."""
         return not (self.gaps or self.duplicates or self.reversals)
 
     @property
     def jitter(self) -> float:
-        """Jitter that rounding does not explain, rms, as a share of an interval."""
+        """Rms jitter beyond rounding, as a share of an interval."""
         explained = self.resolution**2 / 6.0 if self.rounded else 0.0
         return math.sqrt(max(0.0, self.jitter_rms**2 - explained)) * self.rate
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Reads:
-    """Samples by the moments at which they were read.
+    """Samples grouped by the times at which they were read.
 
     Attributes:
-        first: places of the first sample of each read but the first one.
-        counts: samples in each of them.
-        intervals: from the read before, in s.
-        usual: interval of one sample, in s.
-        long: which intervals have lost samples.
+        first: indices of the first sample of each read after the first.
+        counts: number of samples in each.
+        intervals: time since the previous read [s].
+        usual: typical interval per sample [s].
+        long: mask of intervals with lost samples.
     """
 
     first: _Places
@@ -102,7 +102,7 @@ class _Reads:
 
 @traced
 def assess(timestamps: ArrayLike) -> SamplingReport:
-    """Judge the timestamps of a record.
+    """Return the sampling report of a record's timestamps.
 
     Args:
         timestamps: in s, shape (n,).
@@ -114,11 +114,11 @@ def assess(timestamps: ArrayLike) -> SamplingReport:
 
 
 def placed(timestamps: ArrayLike) -> tuple[SamplingReport, _Places]:
-    """Judge the timestamps of a record, and return the place of each sample on an even grid as well.
+    """Return the sampling report of a record's timestamps, and each sample's index on an even grid, shape (n,).
 
-    A sample that follows a gap is moved by as many places as the gap has lost; all others follow each other, so that a
-    rate that is a little off does not add up over a long record. Where timestamps repeat or go back without a reason,
-    places count the samples only.
+    After a gap the index advances by the number of samples lost; all other samples are consecutive, so that a small
+    error of the rate does not accumulate over a long record. Where timestamps repeat or go back without explanation,
+    indices simply count the samples.
 
     Args:
         timestamps: in s, shape (n,).
@@ -137,7 +137,7 @@ def placed(timestamps: ArrayLike) -> tuple[SamplingReport, _Places]:
     if apart > _LONGEST_STEP or 0.0 < apart < _SHORTEST_STEP:
         raise Refused(f"timestamps are up to {apart:.3g} s apart, which cannot be", "is this the time column?")
     if report := _regular(times, steps):
-        del steps  # as large as the times
+        del steps  # frees an array as large as the times
         return report, np.arange(times.size, dtype=np.int64)
     if not (steps > 0.0).any():
         raise Refused("no timestamp is later than the one before", "is this the time column?")
@@ -157,9 +157,9 @@ def placed(timestamps: ArrayLike) -> tuple[SamplingReport, _Places]:
 
 
 def _regular(times: _Array, steps: _Array) -> SamplingReport | None:
-    """Return what `_report` does where no interval can be a gap, a burst or rounding, for a tenth of the time.
+    """Fast path of `_report`, ten times quicker, if no interval can be a gap, a burst or rounding; None otherwise.
 
-    Where the longest interval is below 1.5 times the shortest, every one is within half of the usual one.
+    If the longest interval is below 1.5 times the shortest, each is within half of the typical one.
     """
     shortest, longest = float(steps.min()), float(steps.max())
     if not shortest > 0.0:
@@ -234,10 +234,10 @@ def _report(
 
 
 def _uncertainty(deviation: _Array, counts: _Places, usual: float, resolution: float) -> float:
-    """Return the uncertainty of the rate in Hz: that of both ends over what lies between them.
+    """Return the uncertainty of the rate in Hz: that of both end times over the duration.
 
-    Jitter of the clock that stamps samples stays where it is. Jitter of the samples themselves adds up to a walk; it
-    is known by its length.
+    Jitter of the timestamps does not accumulate. Jitter of the sampling itself accumulates to a random walk, which is
+    recognised by its extent.
     """
     wander = np.cumsum(deviation)
     wander -= np.linspace(0.0, wander[-1], wander.size)
@@ -247,24 +247,24 @@ def _uncertainty(deviation: _Array, counts: _Places, usual: float, resolution: f
 
 
 def _ends(spread: float, jitter: float, resolution: float, count: int) -> float:
-    """Return the uncertainty of the time between both ends, in s.
+    """Return the uncertainty of the duration in s.
 
     Args:
         spread: standard deviation of the times from an even grid.
-        jitter: of the intervals.
-        resolution: of the times.
-        count: of the intervals.
+        jitter: jitter of the intervals.
+        resolution: resolution of the times.
+        count: number of intervals.
     """
     ends = math.sqrt(2.0) * max(spread, resolution / math.sqrt(12.0), jitter / math.sqrt(2.0))
     return max(ends, jitter * math.sqrt(count)) if spread > 2.0 * jitter else ends
 
 
 def _resolution(times: _Array, usual: float) -> float:
-    """Return the largest power of ten in s that timestamps are multiples of; 0 if there is none above 1 ns.
+    """Return the decimal resolution of timestamps: the largest power of ten in s that divides them; 0 if below 1 ns.
 
     Args:
-        times: timestamps in s; a thousand of them are looked at.
-        usual: longest interval.
+        times: timestamps in s; a thousand of them are examined.
+        usual: upper bound of the resolution, the typical interval [s].
     """
     looked = np.concatenate([times[:500], times[-500:]]) - times[0]
     error = 8.0 * np.spacing(max(abs(float(times.max())), abs(float(times.min()))))
@@ -276,7 +276,7 @@ def _resolution(times: _Array, usual: float) -> float:
 
 
 def _grouped(times: _Array, steps: _Array) -> _Reads:
-    """Group samples that were read at once, and find the intervals that are too long for what was read."""
+    """Group samples that were read together, and find the intervals too long for their number of samples."""
     first = np.arange(1, times.size, dtype=np.int64)
     middle = _median(steps)
     if not middle > 0.0 or float(steps.mean()) > (1.0 + _GAP) * middle or (steps < _GAP * middle).any():
@@ -300,7 +300,7 @@ def _grouped(times: _Array, steps: _Array) -> _Reads:
 
 
 def _carrying(steps: _Array) -> float:
-    """Return the interval up to which half of the time is spent, gaps aside: that between bursts, if there are any."""
+    """Return the time-weighted median interval without gaps: the one between bursts, if there are any."""
     forward = np.sort(steps[steps > 0.0])
     share = 0.99 if steps.size >= 200 else 0.95
     usual = forward[forward <= 3.0 * forward[int(share * (forward.size - 1))]]
@@ -309,10 +309,10 @@ def _carrying(steps: _Array) -> float:
 
 
 def _rounded(times: _Array, steps: _Array, resolution: float) -> _Reads | None:
-    """Return the intervals of evenly spaced samples whose timestamps are rounded coarsely, None if they are not such.
+    """Return the reads of evenly spaced samples with coarsely rounded timestamps, None if they are not.
 
-    Rounded times keep within one resolution of an even grid, all along. If samples were missing instead, they would
-    move away from every even grid.
+    Rounded times stay within one resolution of an even grid throughout. With missing samples they would drift away from
+    any even grid.
     """
     usual = _median(steps[steps > 0.0])
     if not resolution >= _COARSE * usual or (steps < 0.0).any() or (steps == 0.0).mean() > _SHARED:
@@ -332,7 +332,7 @@ def _rounded(times: _Array, steps: _Array, resolution: float) -> _Reads | None:
 
 
 def _median(values: _Array) -> float:
-    """Return the median, exactly: of many values only those are ordered that lie between two quantiles of a sample."""
+    """Return the exact median, sorting only the values between two quantiles of a sample of them."""
     if values.size < _BLOCK:
         return float(np.median(values))
     low, high = np.quantile(values[:: values.size // _SAMPLE], (0.45, 0.55))
@@ -346,14 +346,14 @@ def _median(values: _Array) -> float:
 
 
 def with_holes(places: NDArray[np.int64], data: ArrayLike) -> NDArray[np.float64]:
-    """Return data on an even grid, NaN where samples are missing.
+    """Place data on an even grid, with NaN for missing samples; shape (max(places) + 1,).
 
     Args:
-        places: of each sample on the grid, from `placed`, rising, shape (n,).
-        data: shape (n,).
+        places: grid index of each sample, from `placed`, ascending, shape (n,).
+        data: samples, shape (n,).
 
     Raises:
-        Refused: ten times more samples are missing than are there.
+        Refused: more than ten times as many samples are missing as are present.
     """
     values = np.asarray(data, dtype=np.float64)
     if places[-1] > (1 + _MOST_MISSING) * places.size:

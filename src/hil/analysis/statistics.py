@@ -1,4 +1,4 @@
-"""Means of correlated samples, and the degrees of freedom of combined uncertainties."""
+"""Statistics of correlated samples, and combination of uncertainties with degrees of freedom."""
 
 from __future__ import annotations
 
@@ -27,20 +27,20 @@ __all__ = [
 
 @traced
 def mean(samples: ArrayLike, unit: str, *, systematic: float | None = None) -> Figure:
-    """Return the mean of equally spaced samples, with an uncertainty that allows for their correlation.
+    """Return the mean of evenly spaced samples, with an uncertainty that accounts for their correlation.
 
     With correlation time tau (see `correlation_time`) the n samples are equivalent to n / tau independent ones. Then
-    s^2 = sum (x - mean)^2 / (n - tau), u^2 = s^2 tau / n + systematic^2, and the first part has n / tau - 1 degrees
-    of freedom. The 95 % interval covers as stated from about a hundred correlation times on; below thirty it is too
-    narrow, because the samples do not show how slowly they wander.
+    s^2 = sum (x - mean)^2 / (n - tau), u^2 = s^2 tau / n + systematic^2, and the first part has n / tau - 1 degrees of
+    freedom. The 95 % interval has its nominal coverage from about a hundred correlation times; below thirty it is too
+    narrow, because the samples do not reveal how slowly they wander.
 
-    A record without any scatter gives an uncertainty of zero: the resolution of the instrument belongs in
+    A record without scatter gives zero uncertainty: the resolution of the instrument belongs in
     `systematic`.
 
     Args:
-        samples: shape (n,), in `unit`. One sample, or one that is not finite, makes the mean NOT_OBSERVABLE.
+        samples: shape (n,), in `unit`. With fewer than two, or any not finite, the mean is NOT_OBSERVABLE.
         unit: unit of samples and result.
-        systematic: standard uncertainty that all samples share, in `unit`; taken as exactly known.
+        systematic: standard uncertainty common to all samples, in `unit`; taken as exactly known.
     """
     values = np.asarray(samples, dtype=float)
     if values.ndim != 1:
@@ -63,11 +63,11 @@ def mean(samples: ArrayLike, unit: str, *, systematic: float | None = None) -> F
 
 
 def correlation_time(samples: NDArray[np.float64]) -> float:
-    """Return tau = 1 + 2 (rho_1 + rho_2 + ...), in samples, between 1 and half the record.
+    """Return the correlation time tau = 1 + 2 (rho_1 + rho_2 + ...) in samples, from 1 to half the record.
 
-    The sum is cut by the initial monotone positive sequence: neighbouring autocorrelations are added in pairs, a pair
-    is not taken larger than the one before, and the sum ends before the first pair that is not positive. Values below
-    1 (samples that alternate) are raised to 1, so that correlation never makes a mean look better.
+    The sum is truncated by the initial monotone positive sequence: adjacent autocorrelations are added in pairs, each
+    pair is limited to the one before, and the sum ends before the first non-positive pair. Values below 1 (alternating
+    samples) are raised to 1, so that correlation never improves a mean.
 
     Source: C. J. Geyer, Practical Markov Chain Monte Carlo, Statistical Science 7 (1992), section 3.3.
 
@@ -86,10 +86,10 @@ def correlation_time(samples: NDArray[np.float64]) -> float:
 
 
 def root_sum_square(parts: Iterable[tuple[float, Figure]]) -> tuple[float | None, float]:
-    """Return uncertainty and degrees of freedom of a sum of independent figures (GUM 10).
+    """Return standard uncertainty (None if unknown) and degrees of freedom of a sum of independent figures (GUM 10).
 
     Args:
-        parts: pairs of sensitivity and figure. One figure of unknown uncertainty makes the result unknown.
+        parts: pairs of sensitivity coefficient and figure. One figure of unknown uncertainty makes the result unknown.
     """
     variances: list[tuple[float, float]] = []
     for sensitivity, figure in parts:
@@ -103,7 +103,7 @@ def root_sum_square(parts: Iterable[tuple[float, Figure]]) -> tuple[float | None
 def standard_deviation(samples: ArrayLike, unit: str) -> Figure:
     """Return the standard deviation s of independent samples with its standard uncertainty s / sqrt(2 (n - 1)).
 
-    Source: JCGM 100:2008 (GUM), E.4.3. One sample, or one that is not finite, makes it NOT_OBSERVABLE.
+    Source: JCGM 100:2008 (GUM), E.4.3. With fewer than two samples, or any not finite, it is NOT_OBSERVABLE.
 
     Args:
         samples: shape (n,), in `unit`.
@@ -119,10 +119,10 @@ def standard_deviation(samples: ArrayLike, unit: str) -> Figure:
 
 @traced
 def magnitude(components: Sequence[Figure]) -> Figure:
-    """Return the length of a vector, with the uncertainty of independent components propagated (GUM 10).
+    """Return the magnitude of a vector, with the uncertainty of independent components propagated (GUM 10).
 
     Args:
-        components: in one unit.
+        components: components in one unit.
     """
     unit = components[0].unit
     if any(each.unit != unit for each in components):
@@ -137,16 +137,20 @@ def magnitude(components: Sequence[Figure]) -> Figure:
 
 @traced
 def share_known(values: Sequence[float]) -> Figure:
-    """Return the fraction of these numbers, at least one, that is finite."""
+    """Return the share of finite values, in unit 1.
+
+    Args:
+        values: at least one value.
+    """
     return Figure(value=sum(map(math.isfinite, values)) / len(values), unit="1")
 
 
 @traced
 def widened(figure: Figure, *, absolute: float = 0.0, relative: float = 0.0) -> Figure:
-    """Return a figure with additional uncertainty, added in quadrature: it can only become larger.
+    """Return a figure with further uncertainty added in quadrature.
 
     Args:
-        figure: of known uncertainty, else it stays unknown.
+        figure: the figure; an unknown uncertainty stays unknown.
         absolute: further standard uncertainty in the figure's unit, taken as exact.
         relative: further standard uncertainty over |value|, taken as exact.
     """
@@ -159,17 +163,22 @@ def widened(figure: Figure, *, absolute: float = 0.0, relative: float = 0.0) -> 
 
 
 def not_observable(unit: str, value: float = math.nan) -> Figure:
-    """Return a figure for a quantity that the data do not show; it never passes a check."""
+    """Return a NOT_OBSERVABLE figure, which never passes a check.
+
+    Args:
+        unit: unit of the figure.
+        value: value to show, in `unit`; it is not a measurement.
+    """
     return Figure(value=value, unit=unit, status=FigureStatus.NOT_OBSERVABLE)
 
 
 @traced
 def observed(value: float | None, unit: str, uncertainty: float | None = None) -> Figure:
-    """Return a reported number, NOT_OBSERVABLE if none was reported.
+    """Return a reported number as a figure, NOT_OBSERVABLE if there is none.
 
     Args:
-        value: in `unit`, or None.
-        unit: of the value.
-        uncertainty: standard uncertainty in `unit`, or None if it is not known.
+        value: value in `unit`, or None.
+        unit: unit of the value.
+        uncertainty: standard uncertainty in `unit`, or None if unknown.
     """
     return not_observable(unit) if value is None else Figure(value=value, unit=unit, uncertainty=uncertainty)

@@ -1,4 +1,4 @@
-"""Tables as text for use in other programs: one line for the columns with their units, then one for each row."""
+"""Export of tables as CSV: a header line with units, then one line per row."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ class Column:
     """One column.
 
     Attributes:
-        name: its heading.
-        unit: follows the name in square brackets; not if there is none, or it is `1`.
-        form: how its values are written, as a format of Python such as `.3f`; empty for text and whole numbers.
-        missing: the text for a number that is not finite; None writes it as Python does.
+        name: column name.
+        unit: appended in square brackets, unless it is empty or `1`.
+        form: Python format specification of its values, such as `.3f`; empty for text and integers.
+        missing: text for NaN; None writes it as Python does.
     """
 
     name: str
@@ -27,25 +27,25 @@ class Column:
 
     @property
     def heading(self) -> str:
-        """Name and unit."""
+        """Heading: name and unit."""
         return f"{self.name} [{self.unit}]" if self.unit not in {"", "1"} else self.name
 
     def written(self, value: float | str) -> str:
-        """Return one value as text."""
+        """Format one value."""
         if self.missing is not None and isinstance(value, float) and not math.isfinite(value):
             return self.missing
         return format(value, self.form)
 
 
 def as_csv(columns: Sequence[Column], rows: Iterable[Sequence[float | str]]) -> str:
-    """Return a table as comma-separated text (RFC 4180 without quotes), each line with an end.
+    """Return a table as comma-separated text (RFC 4180 without quotes), every line terminated.
 
     Args:
         columns: from left to right.
-        rows: one value for each column.
+        rows: rows with one value per column.
 
     Raises:
-        ValueError: a row has another number of values, or a text holds a comma, a quote or an end of line.
+        ValueError: a row has the wrong number of values, or a text contains a comma, a quote or a line break.
     """
     lines = [[column.heading for column in columns]]
     lines += [[column.written(value) for column, value in zip(columns, row, strict=True)] for row in rows]

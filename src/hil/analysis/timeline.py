@@ -1,4 +1,4 @@
-"""Timestamps of a log: their unit, counters that wrap, rows out of order, and the place of each sample."""
+"""Timestamps of a log: unit, wrapped counters, rows out of order, and the grid index of each sample."""
 
 from __future__ import annotations
 
@@ -60,12 +60,12 @@ class Timeline:
     """The interpreted timestamps of a log.
 
     Attributes:
-        seconds: since the first sample, shape (k,); rising, unless a gate says otherwise.
-        rows: place in the log of each of them, counted from 0; None if that is all of them, in their order.
-        places: of each sample on an even grid.
-        report: what the timestamps say.
-        gates: what speaks against the times as such.
-        remarks: what was understood in another way than it was written, in sentences.
+        seconds: times since the first sample [s], shape (k,); ascending unless a gate trips.
+        rows: row index in the log of each, shape (k,); None for all rows in order.
+        places: index of each sample on an even grid, shape (k,).
+        report: sampling report.
+        gates: gates on the timestamps.
+        remarks: reinterpretations of the timestamps, in sentences.
     """
 
     seconds: _Array
@@ -77,12 +77,12 @@ class Timeline:
 
 
 def time_unit(typed: str | None, column: str, values: ArrayLike) -> tuple[str, str]:
-    """Return the unit of timestamps, and a remark if it was not given and is not s.
+    """Return the unit of timestamps, and a remark if it was inferred and is not s.
 
     Args:
-        typed: the unit given by the user, None if none was given.
-        column: its name, such as `time [ms]` or `timestamp_us`.
-        values: the timestamps; those of an epoch show their unit by their size.
+        typed: the unit given by the user, None if not given.
+        column: name of the column, such as `time [ms]` or `timestamp_us`.
+        values: the timestamps, shape (n,); epoch times show their unit by their magnitude.
     """
     if typed is not None:
         return typed, ""
@@ -102,19 +102,19 @@ def timeline(
 ) -> Timeline:
     """Interpret the timestamps of a log.
 
-    Counters that wrap are continued; a duplicated row is left out; rows out of order are sorted; each with a remark.
-    What cannot be explained trips a gate.
+    Wrapped counters are unwrapped, duplicate rows dropped, and swapped rows put back in order, each with a remark.
+    Anything unexplained trips a gate.
 
     Args:
-        timestamps: as they are written, shape (n,).
-        unit: of the timestamps, a key of TIME_UNITS.
-        typed: whether somebody said that this is the unit; otherwise an unlikely interval trips the gate `time_unit`,
-            and so does a column that counts samples, as its name says.
-        column: its name.
-        values: the values at each timestamp, shape (n, channels).
+        timestamps: timestamps as written, shape (n,).
+        unit: unit of the timestamps, a key of TIME_UNITS.
+        typed: whether the user gave the unit; otherwise an implausible interval, or a column named as a sample
+            counter, trips the gate `time_unit`.
+        column: name of the column.
+        values: values beside each timestamp, shape (n, channels).
 
     Raises:
-        Refused: fewer than three timestamps, or none that follows another.
+        Refused: fewer than three timestamps, or no two in ascending order.
     """
     raw = np.asarray(timestamps, dtype=np.float64)
     remarks: list[str] = []
@@ -138,7 +138,7 @@ def timeline(
 
 
 def _filled(raw: _Array, remarks: list[str]) -> tuple[_Array, list[Gate]]:
-    """Put timestamps that are no numbers between their neighbours."""
+    """Interpolate timestamps that are not numbers."""
     bad = np.flatnonzero(~np.isfinite(raw))
     if not bad.size or bad.size > raw.size - 2:
         return raw, []
@@ -154,10 +154,10 @@ def _filled(raw: _Array, remarks: list[str]) -> tuple[_Array, list[Gate]]:
 
 
 def unwrapped(raw: _Array) -> tuple[_Array, tuple[str, ...]]:
-    """Return timestamps with a wrapping counter continued, and a remark if there is one.
+    """Return unwrapped timestamps of a counter, shape (n,), and a remark if it wrapped.
 
     Args:
-        raw: as they are written, shape (n,).
+        raw: timestamps as written, shape (n,).
     """
     steps = np.diff(raw)
     back = np.flatnonzero(steps < 0.0)
@@ -183,7 +183,7 @@ def unwrapped(raw: _Array) -> tuple[_Array, tuple[str, ...]]:
 
 
 def _in_order(raw: _Array, values: ArrayLike | None, remarks: list[str]) -> tuple[_Array, _Places | None]:
-    """Leave out rows that are written twice, and put rows back that changed places."""
+    """Drop duplicate rows, and put swapped rows back in order."""
     steps = np.diff(raw)
     rows: _Places | None = None
     if values is not None and (steps == 0.0).any():
@@ -223,7 +223,7 @@ def _likely(report: SamplingReport, unit: str, column: str, *, typed: bool) -> G
 
 
 def _others(interval: float, unit: str) -> str:
-    """Return what to type for each unit with which an interval is likely."""
+    """Return a hint with every unit that makes the interval plausible."""
     written = interval / TIME_UNITS[unit]
     likely = [each for each in _OTHERS if _LIKELY[0] <= written * TIME_UNITS[each] <= _LIKELY[1]]
     return "".join(f"--time-unit {each} if they are in {each}, " for each in likely)
@@ -235,7 +235,7 @@ def _counts_samples(column: str) -> bool:
 
 
 def _one_rate(seconds: _Array, report: SamplingReport) -> Gate:
-    """Trip where the usual interval of one eighth differs from that of another by 2 %, and by more than chance."""
+    """Trip where the typical intervals of two eighths differ by 2 % and significantly."""
     usual, spread = [], 0.0
     for part in np.array_split(seconds, _PARTS):
         begin = max(0, (part.size - _LOOKED_AT) // 2)

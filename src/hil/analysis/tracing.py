@@ -1,4 +1,4 @@
-"""Results with provenance: the output of a library function names its input."""
+"""Provenance tracing: results of the library's functions carry the provenance of their arguments."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ __all__ = ["Samples", "samples", "traced"]
 _Given = ParamSpec("_Given")
 _Result = TypeVar("_Result")
 _Found = tuple[str, tuple[Provenance, ...]]
-"""The name of an argument, and every provenance in it."""
+"""The name of an argument, and every provenance within it."""
 
 
 def traced(function: Callable[_Given, _Result]) -> Callable[_Given, _Result]:
-    """Let a function's results have the provenance of its arguments, however deep that lies in them.
+    """Decorate a function so that its results carry the provenance of its arguments, however deeply nested.
 
-    Without any provenance, as in a notebook with numbers of its own, nothing changes. Inside, numbers and arrays
-    compute as plain ones; of nested calls the outermost counts.
+    Without any provenance, as for plain numbers in a notebook, nothing changes. Inside the function, numbers and arrays
+    are plain ones; of nested calls the outermost counts.
     """
     name, stated_unit = function.__name__, _unit_argument(function)
 
@@ -61,21 +61,21 @@ _IN_UNIT = frozenset(
     {"base", "baseline", "data", "level", "minus", "plus", "resolution", "samples", "systematic", "top"}
     | {"uncertainty", "value", "values", "zero"}
 )
-"""Arguments of the library's functions that are in the unit of its argument `unit`, or else in that of `values`."""
+"""Arguments of the library's functions in the unit of the argument `unit`, or else of `values`."""
 _OF_LEVELS = frozenset({"mean", "observed", "peak", "rest_mean"})
-"""Functions with a unit whose results are levels; of those of all others the differences between samples count."""
+"""Functions with a unit whose results depend on levels; all others depend only on differences between samples."""
 
 
 @dataclass(frozen=True, slots=True)
 class _UnitArgument:
-    """Which unit a function of the library is told for its values, and that it is the one they were recorded in."""
+    """Unit argument of a library function, checked against the unit of the recording."""
 
     names: tuple[str, ...]
     default: str | None
     of_levels: bool
 
     def require(self, found: Iterable[_Found], args: tuple[Any, ...], kwargs: Mapping[str, Any]) -> None:
-        """Refuse a stated unit that is not the one that the arguments were recorded in."""
+        """Refuse a stated unit that differs from the unit in which the arguments were recorded."""
         units = [(name, each.recorded) for name, several in found for each in several if name in _IN_UNIT]
         known = [(name, each) for name, each in units if each is not None]
         if not known:
@@ -94,17 +94,17 @@ def _unit_argument(function: Callable[..., Any]) -> _UnitArgument:
     code = function.__code__
     names = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
     default = (function.__kwdefaults__ or {}).get("unit")
-    # A default of 1 is a plain number only because nobody said what the data are.
+    # A default of 1 only means that no unit was stated.
     return _UnitArgument(names, None if default == "1" else default, function.__name__ in _OF_LEVELS)
 
 
 _LARGEST_WRITTEN = 8
 _PLACES = frozenset({"digitize", "histogram", "interp", "percentile", "quantile", "searchsorted"})
-"""Functions of NumPy whose plain arrays say where, not what: a grid of times, the edges of bins."""
+"""NumPy functions whose plain arrays are positions, not values: a grid of times, bin edges."""
 _FILLED = frozenset({"empty_like", "full_like", "ones_like", "zeros_like"})
 _WRITING = frozenset({"copyto", "fill_diagonal", "place", "put", "put_along_axis", "putmask"})
 _WHOLE = frozenset({"append", "clip", "full_like", "insert", "nan_to_num", "select", "where"})
-"""Functions of NumPy whose whole numbers are values; those of others are axes, orders and places."""
+"""NumPy functions whose integer arguments are values; those of others are axes, orders and indices."""
 _SHIFTING = frozenset({"add", "diff", "ediff1d", "nanstd", "ptp", "std", "subtract"})
 _SAME_UNIT = frozenset(
     {"absolute", "amax", "amin", "append", "array_split", "atleast_1d", "atleast_2d", "average", "clip", "column_stack"}
@@ -113,7 +113,7 @@ _SAME_UNIT = frozenset(
     | {"nanpercentile", "nanquantile", "negative", "percentile", "positive", "quantile", "ravel", "reshape", "roll"}
     | {"sort", "split", "squeeze", "stack", "take", "transpose", "unique", "vstack", "where"}
 )
-"""Functions of NumPy whose results are in the unit of what they are given; those of all others may be in any."""
+"""NumPy functions whose results keep the unit of their arguments; those of others may be in any unit."""
 _CANCELLING = frozenset({np.subtract, np.divide, np.floor_divide})
 _SHAPE_ONLY = "only the shape of a recording is left: its samples were filled by the plan"
 _OWN_ARRAY = "the plan itself made an array that stands behind it"
@@ -121,7 +121,7 @@ _WROTE = "the plan wrote values into the samples"
 
 
 class Samples(np.ndarray[Any, np.dtype[Any]]):
-    """An array with its provenance, which is passed on to its slices and to NumPy results."""
+    """An array with provenance, inherited by its parts and by NumPy's results."""
 
     _own: Provenance | None
     _wrote: list[Provenance]
@@ -129,15 +129,15 @@ class Samples(np.ndarray[Any, np.dtype[Any]]):
     def __array_finalize__(self, source: object) -> None:
         self._own = getattr(source, "_own", None)
         wrote: list[Provenance] = getattr(source, "_wrote", [])
-        self._wrote = [*wrote] if self.flags.owndata else wrote  # what has the same memory has the same list
+        self._wrote = [*wrote] if self.flags.owndata else wrote  # views of the same memory share the list
 
     @property
     def provenance(self) -> Provenance | None:
-        """What the array comes from, and what was written into it or into arrays that share its memory."""
+        """Origin of the array, including what was written into it or into arrays that share its memory."""
         return merged(self._own, *self._wrote) if self._wrote else self._own
 
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **kwargs: Any) -> Any:
-        """Compute with plain arrays; the result has the provenance of all that went in."""
+        """Compute with plain arrays; the result has the provenance of all operands."""
         result = getattr(ufunc, method)(*_bare(inputs), **_bare(kwargs))
         if within_library.active():
             return _bare(result)
@@ -150,7 +150,7 @@ class Samples(np.ndarray[Any, np.dtype[Any]]):
         return _with(result, found)
 
     def __array_function__(self, func: Any, types: Any, args: Any, kwargs: Any) -> Any:
-        """Compute with plain arrays; the result has the provenance of all that went in."""
+        """Compute with plain arrays; the result has the provenance of all operands."""
         result = func(*_bare(args), **_bare(kwargs))
         if within_library.active():
             return _bare(result)
@@ -167,18 +167,18 @@ class Samples(np.ndarray[Any, np.dtype[Any]]):
                 and isinstance(made, Samples)
                 and np.may_share_memory(_bare(each), _bare(made))
             ):
-                made._wrote = each._wrote  # noqa: SLF001 - what is written into one is in the other
+                made._wrote = each._wrote  # noqa: SLF001 - both share the memory
         return made
 
     def __getitem__(self, key: Any) -> Any:
-        """Return a part, or one number, with the provenance of the whole."""
+        """Return a part or a single number with the provenance of the whole."""
         part = _with(self.view(np.ndarray)[_bare(key)], None if within_library.active() else self.provenance)
         if isinstance(part, Samples):
             part._wrote = self._wrote  # noqa: SLF001 - it shares the memory
         return part
 
     def __setitem__(self, key: Any, value: Any) -> None:
-        """Write into a copy of what was recorded; only NaN, which leaves samples out, changes nothing of its worth."""
+        """Write into a copy of the recording; only NaN, which excludes samples, keeps its evidential value."""
         self.view(np.ndarray)[_bare(key)] = _bare(value)
         if not within_library.active() and not (isinstance(value, float) and np.isnan(value)):
             self.take_note(provenance_of(value) or Provenance(unproven=(_WROTE,)))
@@ -188,16 +188,16 @@ class Samples(np.ndarray[Any, np.dtype[Any]]):
         self[...] = value
 
     def take_note(self, provenance: Provenance) -> None:
-        """Note what was written into it."""
+        """Note the provenance of a value written into it."""
         self._wrote.append(provenance)
 
     def __iter__(self) -> Iterator[Any]:
-        """Give one number or part after the other, each with the provenance of the whole."""
+        """Yield numbers or parts one by one, each with the provenance of the whole."""
         return (self[place] for place in range(len(self)))
 
 
 def _keeps(name: str) -> Callable[[Provenance], Provenance]:
-    """Return what a function of NumPy, or a method of arrays, makes of the unit that its arguments were recorded in."""
+    """Return how a NumPy function or array method affects the recorded unit of its arguments."""
     if name in _SHIFTING:
         return Provenance.of_difference
     return _as_it_is if name in _SAME_UNIT else Provenance.without_unit
@@ -208,7 +208,7 @@ def _as_it_is(provenance: Provenance) -> Provenance:
 
 
 def _reduction(name: str) -> Callable[..., Any]:
-    """Return a method of arrays that computes as NumPy does, on the plain array."""
+    """Return an array method that applies NumPy's own to the plain array."""
     operation, keeps = getattr(np.ndarray, name), _keeps(name)
 
     def method(self: Samples, *args: Any, **kwargs: Any) -> Any:
@@ -224,20 +224,20 @@ for _name in ("cumprod", "dot", "max", "mean", "min", "prod", "std", "sum", "var
 
 
 def samples(array: NDArray[Any], provenance: Provenance) -> Samples:
-    """Return a view of an array with its provenance."""
+    """Return a view of an array with a provenance."""
     view = array.view(Samples)
     view._own, view._wrote = provenance, []  # noqa: SLF001 - made here
     return view
 
 
 def _computed(given: object, operands: Iterable[Any], keeps: Callable[[Provenance], Provenance]) -> Provenance:
-    """Return the provenance of what the plan computed of what was given, with the numbers and arrays of its own."""
+    """Return the provenance of a result computed by the plan, including the plan's own numbers and arrays."""
     found = keeps(provenance_of(given) or Provenance())
     return _with_written(found.through("arithmetic of the plan"), operands)
 
 
 def _with_written(found: Provenance, operands: Iterable[Any]) -> Provenance:
-    """Return a provenance with those operands that the plan wrote or made itself."""
+    """Return a provenance extended by the operands that the plan wrote or made itself."""
     for each in operands:
         if type(each) is not np.ndarray or each.dtype.kind not in "fciu":
             found = found.with_numbers(each)
@@ -249,7 +249,7 @@ def _with_written(found: Provenance, operands: Iterable[Any]) -> Provenance:
 
 
 def _operands(given: Iterable[Any], *, whole: bool) -> Iterator[Any]:
-    """Yield the numbers and arrays that values were made of, also in lists; places and axes are whole numbers."""
+    """Yield the numbers and arrays behind a result, also within lists; integers may be indices and axes."""
     for each in given:
         if isinstance(each, tuple | list):
             yield from _operands(each, whole=whole)
@@ -258,7 +258,7 @@ def _operands(given: Iterable[Any], *, whole: bool) -> Iterator[Any]:
 
 
 def _nothing(ufunc: np.ufunc, inputs: tuple[Any, ...]) -> tuple[str, ...]:
-    """Return why nothing of what was recorded is left after this operation, if so."""
+    """Return why this operation leaves nothing of the recording, empty if it does not."""
     if len(inputs) != 2:
         return ()
     one, other = (np.asarray(_bare(each)) for each in inputs)
@@ -271,7 +271,7 @@ def _nothing(ufunc: np.ufunc, inputs: tuple[Any, ...]) -> tuple[str, ...]:
 
 
 def _with(result: Any, provenance: Provenance | None) -> Any:
-    """Return a result of NumPy with this provenance."""
+    """Return a NumPy result with this provenance."""
     if provenance is None:
         return _bare(result)
     if isinstance(result, tuple):
@@ -286,7 +286,7 @@ def _stamped_array(thing: Any, provenance: Provenance) -> Any:
 
 
 def _bare(thing: Any) -> Any:
-    """Return arguments with plain arrays in place of those with provenance, also in tuples, lists and mappings."""
+    """Return arguments with provenance stripped from arrays, also within tuples, lists and mappings."""
     kind = type(thing)
     if kind is Samples:
         return thing.view(np.ndarray)

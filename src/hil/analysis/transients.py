@@ -1,10 +1,10 @@
-"""Figures of a captured waveform: level crossings, rise time, time beyond a level, peak and charge.
+"""Transient analysis of a captured waveform: level crossings, rise time, time beyond a level, peak and charge.
 
-Every function takes times in s and values of one channel, both of shape (n,), times rising. Between samples the signal
-is interpolated linearly. Uncertainties are standard uncertainties of sampling and resolution alone (GUM 4.3.7, a
-rectangle of half width a has a / sqrt(3)): an instant may lie up to one sample interval away, and a value up to half a
-`resolution`, the step of the converter, None or 0 where there is none. Noise is estimated from the samples. The
-instrument's certificate is not included. Names of transitions are those of IEEE Std 181-2011, from memory.
+Every function takes times in s and values of one channel, both of shape (n,), times ascending. Between samples the
+signal is interpolated linearly. Uncertainties are standard uncertainties of sampling and resolution alone (GUM 4.3.7, a
+rectangle of half width a has a / sqrt(3)): an instant is known to one sampling period, and a value to half a
+`resolution`, the converter's step, None or 0 where there is none. Noise is estimated from the samples. The instrument's
+certificate is not included. Terms for transitions follow IEEE Std 181-2011, from memory.
 """
 
 from __future__ import annotations
@@ -37,18 +37,18 @@ def crossing(
     after: float = -math.inf,
     resolution: float | None = None,
 ) -> Figure:
-    """Return when a level is first crossed, in s; not observable where it is not.
+    """Return the time of the first crossing of a level in s; not observable if there is none.
 
     Args:
         time: in s, shape (n,).
-        values: of the signal, shape (n,).
-        level: in the unit of the values.
+        values: samples of the signal, shape (n,).
+        level: level in the unit of the values.
         rising: whether it is crossed from below.
-        after: crossings before are passed over [s].
-        resolution: step of the converter, in the unit of the values.
+        after: crossings before this time are ignored [s].
+        resolution: converter step, in the unit of the values.
 
     Raises:
-        Refused: the arrays are no waveform.
+        Refused: the arrays are not a waveform.
     """
     times, signal = _waveform(time, values)
     over = signal - level if rising else level - signal
@@ -70,22 +70,22 @@ def rise_time(
     high: float = 0.9,
     resolution: float | None = None,
 ) -> Figure:
-    """Return how long a transition takes from `low` to `high` of the way from base to top, in s.
+    """Return the transition time in s from `low` to `high`, as fractions of the way from base to top.
 
-    A transition downwards is treated alike. The low level is crossed for the last time before the high one is crossed
-    for the first time. Not observable where one of them is not crossed, or base and top are less than five steps apart.
+    Falling transitions are treated alike. The low level's last crossing before the high level's first one counts. Not
+    observable if either is not crossed, or base and top are less than five converter steps apart.
 
     Args:
         time: in s after the trigger, shape (n,).
-        values: of the signal, shape (n,).
-        base: where it begins; the median of the samples before the time 0 if it is not given.
-        top: where it ends; the median of the last tenth of the samples if it is not given.
-        low: share of the way, from 0 to 1.
-        high: share of the way, above `low`.
-        resolution: step of the converter, in the unit of the values.
+        values: samples of the signal, shape (n,).
+        base: level before the transition; by default the median of the samples before time 0.
+        top: level after it; by default the median of the last tenth of the samples.
+        low: lower fraction, from 0 to 1.
+        high: upper fraction, above `low`.
+        resolution: converter step, in the unit of the values.
 
     Raises:
-        Refused: the arrays are no waveform, the shares are out of order, or the base cannot be determined.
+        Refused: the arrays are not a waveform, the fractions are out of order, or there is no base.
     """
     times, signal = _waveform(time, values)
     if not 0 < low < high < 1:
@@ -107,7 +107,7 @@ def rise_time(
     lows = lows[lows <= highs[0]] if highs.size else lows[:0]
     if not lows.size:
         return not_observable("s")
-    # Base and top are known to half a step as well, so that the levels are as uncertain as the samples.
+    # Base and top are also known to half a step, so the levels are as uncertain as the samples.
     coarse = step * math.sqrt(2.0)
     first = _transit(times, below, coarse, first=False, place=int(lows[-1]))
     last = _transit(times, above, coarse, first=True, place=int(highs[0]))
@@ -116,16 +116,16 @@ def rise_time(
 
 @traced
 def time_above(time: ArrayLike, values: ArrayLike, level: float, *, resolution: float | None = None) -> Figure:
-    """Return for how long a signal is at or above a level within the capture, in s.
+    """Return the time that a signal spends at or above a level within the capture, in s.
 
     Args:
         time: in s, shape (n,).
-        values: of the signal, shape (n,).
-        level: in the unit of the values.
-        resolution: step of the converter, in the unit of the values.
+        values: samples of the signal, shape (n,).
+        level: level in the unit of the values.
+        resolution: converter step, in the unit of the values.
 
     Raises:
-        Refused: the arrays are no waveform.
+        Refused: the arrays are not a waveform.
     """
     times, signal = _waveform(time, values)
     over, steps = signal - level, np.diff(times)
@@ -141,7 +141,17 @@ def time_above(time: ArrayLike, values: ArrayLike, level: float, *, resolution: 
 
 @traced
 def time_below(time: ArrayLike, values: ArrayLike, level: float, *, resolution: float | None = None) -> Figure:
-    """Return for how long a signal is at or below a level within the capture, in s. See `time_above`."""
+    """Return the time that a signal spends at or below a level within the capture, in s.
+
+    Args:
+        time: in s, shape (n,).
+        values: samples of the signal, shape (n,).
+        level: level in the unit of the values.
+        resolution: converter step, in the unit of the values.
+
+    Raises:
+        Refused: the arrays are not a waveform.
+    """
     return time_above(time, -np.asarray(values, dtype=np.float64), -level, resolution=resolution)
 
 
@@ -149,18 +159,18 @@ def time_below(time: ArrayLike, values: ArrayLike, level: float, *, resolution: 
 def peak(time: ArrayLike, values: ArrayLike, unit: str, *, resolution: float | None = None) -> Figure:
     """Return the largest value of a capture.
 
-    Between two samples the signal may have been larger, by no more than it falls to the nearer neighbour, which is
-    known to a step of the converter: the two are the half width of the uncertainty. Not observable where the largest
-    value is that of the first or the last sample alone.
+    Between samples the signal may have been larger, by no more than its drop to the nearer neighbour, itself known to
+    one converter step: their sum is the half width of the uncertainty. Not observable if only the first or last sample
+    has the largest value.
 
     Args:
         time: in s, shape (n,).
-        values: of the signal, shape (n,).
-        unit: of the values.
-        resolution: step of the converter, in that unit.
+        values: samples of the signal, shape (n,).
+        unit: unit of the values.
+        resolution: converter step, in that unit.
 
     Raises:
-        Refused: the arrays are no waveform.
+        Refused: the arrays are not a waveform.
     """
     _, signal = _waveform(time, values)
     largest = np.flatnonzero(signal == signal.max())
@@ -184,26 +194,26 @@ def charge(
     baseline: float | None = None,
     resolution: float | None = None,
 ) -> Figure:
-    """Return the integral of a current above its baseline from the trigger on, such as A.s, by the trapezoidal rule.
+    """Return the integral of a current above its baseline from the trigger on, in `unit`.s, by the trapezoidal rule.
 
-    The uncertainty has two parts: an offset of the converter that lasts all the time, and the largest jump between two
-    samples, which may have been anywhere between them.
+    The uncertainty has two parts: a constant offset of the converter, and the largest step between two samples, which
+    may have occurred anywhere between them.
 
     Args:
         time: in s after the trigger, shape (n,).
-        values: of the current, shape (n,).
-        unit: of the values.
-        until: end of the integral [s]; the last sample at most.
-        baseline: what flows anyway; the mean of the samples before the time 0 if it is not given, 0 without any.
-        resolution: step of the converter, in the unit of the values.
+        values: samples of the current, shape (n,).
+        unit: unit of the values.
+        until: end of integration [s]; at most the last sample.
+        baseline: quiescent current; by default the mean of the samples before time 0, or 0 if there are none.
+        resolution: converter step, in the unit of the values.
 
     Raises:
-        Refused: the arrays are no waveform, or fewer than two samples are left.
+        Refused: the arrays are not a waveform, or fewer than two samples are left.
     """
     times, signal = _waveform(time, values)
     before = signal[times < 0]
     floor = baseline if baseline is not None else float(before.mean()) if before.size else 0.0
-    # The sample before the trigger belongs to the jump at it.
+    # The sample before the trigger belongs to the step at the trigger.
     first = max(0, int(np.searchsorted(times, 0.0)) - 1)
     last = int(np.searchsorted(times, until, side="right"))
     if last - first < 2:
@@ -220,20 +230,20 @@ def charge(
 def joule_integral(
     time: ArrayLike, values: ArrayLike, unit: str, *, until: float = math.inf, resolution: float | None = None
 ) -> Figure:
-    """Return the integral of the square of a current from the trigger on, such as A².s, by the trapezoidal rule.
+    """Return the integral of a squared current from the trigger on, in `unit`².s, by the trapezoidal rule.
 
-    This is the I²t that heats a fuse or welds a contact. The uncertainty has the parts of `charge`, each with twice the
-    current as its sensitivity.
+    This I²t value determines fuse heating and contact welding. The uncertainty has the parts of `charge`, each with
+    twice the current as sensitivity.
 
     Args:
         time: in s after the trigger, shape (n,).
-        values: of the current, shape (n,).
-        unit: of the values.
-        until: end of the integral [s]; the last sample at most.
-        resolution: step of the converter, in the unit of the values.
+        values: samples of the current, shape (n,).
+        unit: unit of the values.
+        until: end of integration [s]; at most the last sample.
+        resolution: converter step, in the unit of the values.
 
     Raises:
-        Refused: the arrays are no waveform, or fewer than two samples are left.
+        Refused: the arrays are not a waveform, or fewer than two samples are left.
     """
     squares = charge(time, np.asarray(values, dtype=np.float64) ** 2, unit, until=until, baseline=0.0)
     offset = charge(time, np.abs(values), unit, until=until, baseline=0.0).value * 2 * (resolution or 0.0) / _ROOT_12
@@ -256,27 +266,27 @@ def _waveform(time: ArrayLike, values: ArrayLike) -> tuple[NDArray[np.float64], 
 
 
 def _crossings(over: NDArray[np.float64]) -> NDArray[np.intp]:
-    """Return the places of the samples before which a signal is below 0, and not after."""
+    """Return the indices at which a signal rises through 0."""
     return np.flatnonzero((over[:-1] < 0) & (over[1:] >= 0))
 
 
 def _noise(signal: NDArray[np.float64]) -> float:
-    """Return the rms noise of samples, from the median of their second differences: a smooth signal has none."""
+    """Return the rms noise of samples from the median of their second differences, which cancel a smooth signal."""
     return float(np.median(np.abs(np.diff(signal, 2)))) * _MEDIAN_TO_RMS / math.sqrt(6.0)
 
 
 def _transit(times: NDArray[np.float64], over: NDArray[np.float64], step: float, *, first: bool, place: int) -> Figure:
-    """Return when a signal rises through 0, in s.
+    """Return the time at which a signal rises through 0, in s.
 
-    Noise lets it cross several times: it has left the level once it is farther away than noise and a step of the
-    converter. The middle of the first and the last crossing between is taken.
+    With noise it crosses several times: it has left the level once it is farther away than noise plus a converter step.
+    The midpoint of the first and last crossing in between is used.
 
     Args:
         times: in s.
         over: the signal less the level.
         step: of the converter.
-        first: whether the transit that begins at `place` is meant; else that which ends there.
-        place: the sample before a crossing.
+        first: whether `place` is the first crossing of the transit, or the last.
+        place: index of the sample before a crossing.
     """
     noise = _noise(over)
     away = _SIGMAS * noise + step
@@ -296,6 +306,6 @@ def _transit(times: NDArray[np.float64], over: NDArray[np.float64], step: float,
 
 
 def _between(times: NDArray[np.float64], over: NDArray[np.float64], place: int) -> float:
-    """Return when the straight line from a sample to the next is 0, in s."""
+    """Return the zero of the straight line from a sample to the next, in s."""
     share = over[place] / (over[place] - over[place + 1])
     return float(times[place] + share * (times[place + 1] - times[place]))

@@ -1,1 +1,1 @@
-"""Allan deviations of several estimators with intervals, and noise coefficients read from them."""
+"""Allan deviations by several estimators, with confidence intervals, and noise coefficients derived from them."""

@@ -1,4 +1,4 @@
-"""Averages of a sensor at rest: how long to average, a queue of the last samples, and the mean with its uncertainty."""
+"""Averaging of a sensor at rest: optimum averaging time, moving average, and the mean with its uncertainty."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ _Array: TypeAlias = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MovingAverage:
-    """A queue of the last samples whose mean is the output: y[k] = (x[k] + ... + x[k-N+1]) / N.
+    """Moving average over the last N samples: y[k] = (x[k] + ... + x[k-N+1]) / N.
 
     Attributes:
-        samples: N, the length of the queue.
-        rate: samples per second, into the queue and out of it.
+        samples: N, the window length.
+        rate: sampling rate of input and output [Hz].
     """
 
     samples: int
@@ -48,16 +48,16 @@ class MovingAverage:
 
     @property
     def settling(self) -> float:
-        """Time in s from a step to the first output that holds nothing from before it: N - 1 samples."""
+        """Settling time after a step in s: N - 1 samples."""
         return (self.samples - 1) / self.rate
 
     def step(self, time: ArrayLike) -> _Array:
-        """Return the response to a unit step that the first sample at or after time 0 sees; time in s."""
+        """Return the step response at times in s, of their shape; the first sample at or after time 0 sees the step."""
         after = np.floor(np.asarray(time, dtype=np.float64) * self.rate + 1e-9) + 1.0
         return np.clip(after / self.samples, 0.0, 1.0)
 
     def gain(self, frequency: ArrayLike) -> _Array:
-        """Return the gain for sines, |sin(pi f N / rate) / (N sin(pi f / rate))|; frequency in Hz."""
+        """Return the amplitude response |sin(pi f N / rate) / (N sin(pi f / rate))|; f in Hz, any shape."""
         angle = np.pi * np.asarray(frequency, dtype=np.float64) / self.rate
         below = self.samples * np.sin(angle)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -65,7 +65,7 @@ class MovingAverage:
         return np.where(np.abs(below) < 1e-12, 1.0, np.abs(ratio))
 
     def filtered(self, data: ArrayLike) -> _Array:
-        """Return what the queue gives once it is full; shape (n,) becomes (n - N + 1,)."""
+        """Return the output once the window is full; shape (n,) becomes (n - N + 1,)."""
         sums = np.concatenate([[0.0], np.cumsum(np.asarray(data, dtype=np.float64))])
         return np.asarray((sums[self.samples :] - sums[: -self.samples]) / self.samples)
 
@@ -73,10 +73,10 @@ class MovingAverage:
     def noise(self, curve: AllanCurve) -> float:
         """Return the deviation between neighbouring averages over sqrt(2), in the curve's unit: its value at N samples.
 
-        Between averaging times the curve is interpolated as straight lines in logarithms.
+        Between averaging times the curve is interpolated linearly on log-log axes.
 
         Raises:
-            Refused: the queue is longer than the curve's longest averaging time.
+            Refused: the window is longer than the curve's longest averaging time.
         """
         length = self.samples / self.rate
         if length > curve.tau[-1] * (1.0 + 1e-9):
@@ -86,13 +86,16 @@ class MovingAverage:
 
 @traced
 def best_average(model: NoiseModel) -> MovingAverage:
-    """Return the moving average at the minimum of the Allan deviation: longer averaging admits slower noise.
+    """Return the moving average at the minimum of the Allan deviation, beyond which slow noise dominates.
 
-    The minimum is flat. The uncertainty of `model.averaging_window` spans the windows that the record cannot
-    distinguish from it; the shortest of them has the least latency.
+    The minimum is flat: the uncertainty of `model.averaging_window` spans the windows that are equally good within the
+    record's confidence; the shortest of them has the least delay.
+
+    Args:
+        model: noise model from `characterise`.
 
     Raises:
-        Refused: the record does not show its minimum.
+        Refused: the record does not show the minimum.
     """
     window = model.averaging_window
     if not math.isfinite(window.value):
@@ -109,17 +112,17 @@ _POWERS = {-1: 0, -2: 1}  # of tau, in the Allan variance; white noise and bluer
 def rest_mean(samples: ArrayLike, rate: float, unit: str, *, systematic: float = 0.0) -> Figure:
     """Return the mean of a record at rest as a measure of the bias.
 
-    u^2 is the Allan variance at the record's own length T, plus systematic^2. It is that at tau, the longest octave
-    within an eighth of the record, extrapolated to T by the noise type found there: tau / T for white noise, 1 for
+    u^2 is the Allan variance at the record length T, plus systematic^2. It is extrapolated from tau, the longest octave
+    within an eighth of the record, to T by the noise type identified there: factor tau / T for white noise, 1 for
     flicker and T / tau for random walk. For white noise this is s^2 / n; under flicker or random walk, s / sqrt(n)
-    would be far too small. Degrees of freedom are those of the Allan variance at tau.
+    would be far too optimistic. Degrees of freedom are those of the Allan variance at tau.
 
     Args:
-        samples: shape (n,), in `unit`; NaN marks a missing sample. Fewer than 16 samples, and samples that
-            are all the same, make the mean NOT_OBSERVABLE.
-        rate: samples per second.
+        samples: shape (n,), in `unit`; NaN marks a missing sample. With fewer than 16 samples, or all samples equal,
+            the mean is NOT_OBSERVABLE.
+        rate: sampling rate [Hz].
         unit: unit of samples and result.
-        systematic: standard uncertainty that all samples share, in `unit`; taken as exactly known.
+        systematic: standard uncertainty common to all samples, in `unit`; taken as exactly known.
     """
     values = np.asarray(samples, dtype=np.float64)
     present = values[np.isfinite(values)]

@@ -1,4 +1,4 @@
-"""The confidence of a deviation: noise type, equivalent degrees of freedom, chi-square interval.
+"""Confidence of a deviation: noise type, equivalent degrees of freedom, chi-square interval.
 
 Sources: C. A. Greenhall and W. J. Riley, "Uncertainty of stability variances based on finite differences", 35th PTTI
 Meeting, 2003 (degrees of freedom; the equation and case numbers below are its own); W. J. Riley and C. A. Greenhall,
@@ -24,14 +24,14 @@ __all__ = ["MOST_AVERAGES", "REDDEST", "degrees", "edf", "identify", "interval",
 _Array: TypeAlias = NDArray[np.float64]
 
 MOST_AVERAGES = 1 << 14
-"""Averages beyond which a noise type gets no clearer: r1 is known to 0.008 then."""
+"""Number of averages beyond which identification of a noise type does not improve: r1 is then known to 0.008."""
 
 REDDEST: Mapping[str, int] = {
     "overlapping": -2, "nonoverlapping": -2, "modified": -2, "time": -2, "hadamard": -4, "total": -2,
 }  # fmt: skip
-"""The reddest noise type for which an estimator converges, by its name."""
+"""The reddest noise type for which each estimator converges, by name."""
 
-_FEWEST_AVERAGES = 30  # below, r1 says too little (Riley and Greenhall 2004)
+_FEWEST_AVERAGES = 30  # with fewer, r1 is too uncertain (Riley and Greenhall 2004)
 _MOST_TERMS = 100  # J_max of Greenhall and Riley
 _FLICKER_ANGLE = {2: (15.23, 12.0, 790.0, 410.0), 3: (47.8, 40.0, 9950.0, 6520.0)}  # their tables 3 and 2 for alpha 1
 _TOTAL = {0: (1.50, 0.0), -1: (1.17, 0.22), -2: (0.93, 0.36)}  # SP1065 table 7
@@ -39,20 +39,20 @@ _TOTAL_BIAS = {-1: 1.0 / (3.0 * math.log(2.0)), -2: 0.75}  # SP1065, section on 
 
 
 def identify(averages: _Array, reddest: int = -2, *, averaged: bool = False) -> int | None:
-    """Return the noise type of consecutive averages of the rate, or None if they are too few or all the same.
+    """Identify the noise type of consecutive averages of the rate; None if they are too few or all equal.
 
-    Model: with r1 the lag-1 autocorrelation of the averages without their linear drift, delta = r1 / (1 + r1); while
-    delta is 0.25 or more the averages are differenced and counted again. alpha = -2 (delta + differences), rounded and
-    held within `reddest` and 2 (Riley and Greenhall 2004, and SP1065's section on noise identification).
+    Model: with r1 the lag-1 autocorrelation of the detrended averages, delta = r1 / (1 + r1); while delta is 0.25 or
+    more the averages are differenced and delta is recomputed. alpha = -2 (delta + differences), rounded and limited to
+    `reddest` and 2 (Riley and Greenhall 2004, and SP1065's section on noise identification).
 
     This holds for samples. Once differenced, averages over many samples have r1 = -0.22 under flicker and 0.25 under
-    random walk, where the published bound is -0.2: it takes nearly half of all flicker for random walk. For averages
-    the bound is 0, and a standard deviation of r1 beyond, so that no type is redder than the data show.
+    random walk, so the published bound of -0.2 misidentifies nearly half of all flicker as random walk. For averages
+    the bound is 0 plus one standard deviation of r1, so that no type is redder than the data show.
 
     Args:
-        averages: rate averaged over consecutive windows of one length, shape (k,).
+        averages: rate averaged over consecutive windows of equal length, shape (k,).
         reddest: the lowest type to distinguish: -2, or -4 for a Hadamard variance.
-        averaged: whether a window is longer than a sample.
+        averaged: whether a window is longer than one sample.
     """
     if averages.size < _FEWEST_AVERAGES:
         return None
@@ -87,16 +87,16 @@ def _without_drift(values: _Array) -> _Array:
 def degrees(estimator: str, alpha: int, m: int, terms: int, samples: int) -> float:
     """Return the equivalent degrees of freedom of one point of a deviation.
 
-    Total variance: b T / tau - c (SP1065 table 7), at most those of the same number of overlapping differences; for
-    alpha 1 and 2, for which none are published, those of the overlapping Allan variance. Without overlap: equation 10
-    of Greenhall and Riley with a stride of m samples. All others: `edf`.
+    Total variance: b T / tau - c (SP1065 table 7), limited to those of as many overlapping differences; for alpha 1
+    and 2, which are not published, those of the overlapping Allan variance. Without overlap: equation 10 of Greenhall
+    and Riley with a stride of m samples. All others: `edf`.
 
     Args:
-        estimator: its name, a key of REDDEST.
+        estimator: name of the estimator, a key of REDDEST.
         alpha: noise type.
         m: averaging factor, in samples.
-        terms: number of differences that were averaged.
-        samples: length of the record.
+        terms: number of differences averaged.
+        samples: length of the record in samples.
     """
     if estimator == "total" and alpha in _TOTAL:
         slope, offset = _TOTAL[alpha]
@@ -110,9 +110,9 @@ def degrees(estimator: str, alpha: int, m: int, terms: int, samples: int) -> flo
 
 
 def total_bias(alpha: NDArray[np.int64], m: NDArray[np.int64], samples: int) -> _Array:
-    """Return the factor by which a total variance is too small: 1 - a tau / T (SP1065, section on total variance).
+    """Return the bias factor of a total variance: 1 - a tau / T (SP1065, section on total variance).
 
-    a is 1 / (3 ln 2) for flicker, 3 / 4 for random walk and 0 for all others.
+    a is 1 / (3 ln 2) for flicker, 3 / 4 for random walk and 0 otherwise. Shapes: alpha and m (k,), result (k,).
     """
     share = np.array([_TOTAL_BIAS.get(each, 0.0) for each in alpha.tolist()])
     return np.asarray(1.0 - share * m / samples, dtype=np.float64)
@@ -123,13 +123,13 @@ def edf(shares: Mapping[int, float], m: int, terms: int, *, order: int = 2, modi
 
     Model: Greenhall and Riley 2003, combined algorithm for d = order, stride 1 sample. Modified variances, and others
     for alpha 0 and below: the sum of equation 10 is evaluated with at most 100 terms; in a mixture the normalised
-    covariances add up before they are squared. Alpha 1 follows their case 3. Alpha 2 is exact: only the lags that are
-    multiples of m, up to order times m, correlate.
+    covariances are added before squaring. Alpha 1 follows their case 3. Alpha 2 is exact: only lags that are multiples
+    of m, up to order times m, correlate.
 
     Args:
-        shares: noise type to its share of the variance; shares add up to 1, types 1 and 2 come alone.
+        shares: share of the variance by noise type; shares sum to 1, and types 1 and 2 must be alone.
         m: averaging factor, in samples.
-        terms: number of differences that were averaged.
+        terms: number of differences averaged.
         order: 2 for Allan, 3 for Hadamard variances.
         modified: whether phases are averaged over m samples first.
     """
@@ -170,7 +170,7 @@ def _edf_flicker_angle(m: int, terms: int, order: int) -> float:
     return _edf_of_sum({1: 1.0}, float(_MOST_TERMS), stride, stride, order) * normal / peak
 
 
-@lru_cache(maxsize=512)  # a fit asks for the same lags again and again; the arrays are never changed
+@lru_cache(maxsize=512)  # a fit needs the same lags repeatedly; the arrays are never modified
 def _covariance(count: int, stride: float, smoothing: float, alpha: int, order: int) -> _Array:
     values = _differences(np.arange(count + 1) / stride, smoothing, alpha, order)
     return np.asarray(values / values[0], dtype=np.float64)
@@ -209,7 +209,7 @@ def interval(variance: _Array, degrees: _Array, confidence: float) -> tuple[_Arr
     Args:
         variance: estimated variances, shape (k,).
         degrees: their equivalent degrees of freedom, shape (k,).
-        confidence: probability that the interval holds the true variance, between 0 and 1.
+        confidence: probability that the interval contains the true variance, between 0 and 1.
     """
     from scipy.special import gammaincinv  # noqa: PLC0415 - scipy is slow to import
 

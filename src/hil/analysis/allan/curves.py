@@ -1,10 +1,10 @@
-"""Whether the slow part of a record is noise, or a deterministic curve: a warm-up or a slow sine.
+"""Distinction of slow noise from deterministic drift: a warm-up or a slow sine.
 
 Averages over the cells of a record are decomposed into cosines (DCT-II), which are nearly independent under white
-noise, flicker and random walk; their variances are those of the spectrum at k / 2T. Models are compared by the
-likelihood of Whittle (1953), with a straight line in all of them: noise alone, and white noise, white noise with
-flicker, or all noises with a curve. Curves are exponentials and sines, and with white noise also a jump of the mean;
-the one that explains most represents its kind.
+noise, flicker and random walk; their variances are those of the spectrum at k / 2T. Models are compared by Whittle's
+likelihood (1953), each with a straight line: noise alone, and white noise, white noise with flicker, or all noises
+with a curve. Curves are exponentials and sines, and with white noise also a jump of the mean; the one that explains
+most represents its kind.
 """
 
 from __future__ import annotations
@@ -22,34 +22,34 @@ __all__ = ["Slow", "roughly", "slow"]
 
 _Array: TypeAlias = NDArray[np.float64]
 
-_BLOCK = 1 << 16  # samples that are looked at at once
-_TRIED, _NARROWINGS = 7, 2  # shapes on either side of a curve's, and rounds
+_BLOCK = 1 << 16  # samples processed at once
+_TRIED, _NARROWINGS = 7, 2  # shapes tried on either side of a curve's, and rounds of refinement
 _CELLS = 512
-_FEWEST = 32  # cells in which a curve can be told from noise
-_WARM_UPS = np.geomspace(1.0 / 60.0, 1.0, 12)  # time constants, of the record
-_APART = 8  # cells between the places of a jump
-_ROUNDS = 5  # of choosing a curve and fitting the noise that is left
-_STEPS = 40  # of fitting noise
-_SETTLED = 1e-3  # by which the log likelihood still grows from round to round
-_ALIKE = 1e-9  # of the second part of a curve, what the first leaves of it where there is none
-_CURVE = 30.0  # by which twice the log likelihood grows with a curve; of 480 records of noise alone none reached it
+_FEWEST = 32  # cells needed to distinguish a curve from noise
+_WARM_UPS = np.geomspace(1.0 / 60.0, 1.0, 12)  # time constants, as a share of the record
+_APART = 8  # cells between trial positions of a jump
+_ROUNDS = 5  # of selecting a curve and fitting the residual noise
+_STEPS = 40  # of the noise fit
+_SETTLED = 1e-3  # convergence: gain of the log likelihood per round
+_ALIKE = 1e-9  # share of a curve's second part not explained by the first, below which there is no second part
+_CURVE = 30.0  # least gain of twice the log likelihood by a curve; none of 480 records of pure noise reached it
 _WALK = -5.0  # by which random walk must be more likely than a curve in its place, which leads by 8 and more by chance
 _NOISE = 3.0  # by which slow noise must be more likely than white noise with a curve, which leads by 7 and more
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Slow:
-    """The nature of the slow part of a record.
+    """Classification of a record's slow part.
 
     Attributes:
-        curve: description of a curve that the record holds, empty if it shows none.
+        curve: description of the curve in the record, empty if there is none.
         noise: whether slow noise is more likely than white noise with a curve or a jump.
         walk: whether random walk is as likely as a curve in its place, with white noise and flicker.
-        gain: twice the log likelihood that the curve adds to all noises.
-        lead: that of slow noise over white noise with a curve or a jump.
-        open: by how much the coefficient of random walk is smaller, or larger, if the curve that explains most is taken
-            for real, in unit * sqrt(Hz).
-        shape: of the curve: its time constant in samples, negative, or its period in samples; NaN if none shows.
+        gain: gain of twice the log likelihood when the curve is added to all noises.
+        lead: the same of slow noise over white noise with a curve or a jump.
+        open: change of the random-walk coefficient, either way, if the best curve is taken as real, in
+            unit * sqrt(Hz).
+        shape: shape of the curve: minus its time constant, or its period, in samples; NaN if there is none.
     """
 
     curve: str
@@ -61,7 +61,7 @@ class Slow:
     shape: float
 
     def rest(self, values: _Array) -> _Array:
-        """Return a copy of values without a mean, a line and the curve of this shape, which are fitted together."""
+        """Return a copy of values, shape (n,), less mean, line and the curve of this shape, fitted jointly."""
         mean = float(np.nanmean(values))
         normal, right = np.zeros((4, 4)), np.zeros(4)
         for first in range(0, values.size, _BLOCK):
@@ -77,16 +77,16 @@ class Slow:
         return bare
 
     def _parts(self, first: int, samples: int) -> _Array:
-        """Return what `rest` fits, from a sample on for a block: shape (4, k)."""
+        """Return the design of `rest` for a block starting at sample `first`: shape (4, k)."""
         return _design(np.arange(first, min(first + _BLOCK, samples), dtype=np.float64), self.shape, samples)
 
 
 def slow(values: _Array, rate: float) -> Slow | None:
-    """Return a description of the slow part of a record, None if it is too short to determine.
+    """Classify the slow part of a record; None if the record is too short.
 
     Args:
         values: evenly spaced rate, shape (n,); NaN marks a missing sample.
-        rate: samples per second.
+        rate: sampling rate [Hz].
     """
     means, step = _means(values, rate)
     if means.size < _FEWEST:
@@ -113,7 +113,7 @@ def slow(values: _Array, rate: float) -> Slow | None:
 
 
 def _means(values: _Array, rate: float) -> tuple[_Array, float]:
-    """Return averages over cells, those without a sample interpolated, and the length of a cell in s."""
+    """Return averages over cells, interpolated where a cell has no sample, and the length of a cell in s."""
     cell = -(-values.size // _CELLS)
     rows = values[: values.size // cell * cell].reshape(-1, cell)
     present = np.isfinite(rows)
@@ -133,7 +133,7 @@ def _cosines(columns: _Array) -> _Array:
 
 
 def _spectra(cells: int, step: float) -> _Array:
-    """Variances of the cosines under unit white noise, flicker and random walk, shape (cells - 1, 3)."""
+    """Return the variances of the cosines under unit white noise, flicker and random walk, shape (cells - 1, 3)."""
     angle = np.pi * np.arange(1, cells) / cells
     walk = step * (2.0 + np.cos(angle)) / (12.0 * np.square(np.sin(angle / 2.0)))
     return np.column_stack([np.full(angle.size, 1.0 / step), 1.0 / angle, walk])
@@ -171,7 +171,7 @@ def _jumps(cells: int) -> _Library:
 
 
 def _taken_apart(first: _Array, second: _Array) -> _Library:
-    """Return the library of curves whose two parts are columns over the cells."""
+    """Return the cosines of curves whose two parts are given as columns over the cells."""
     line = _cosines((np.arange(len(first)) + 0.5)[:, None] / len(first))[:, 0]
     one, other = (np.ascontiguousarray(_cosines(each).T) for each in (first, second))
     return _Library(line, one, other, (np.square(one), one * other, np.square(other)))
@@ -184,7 +184,7 @@ def _cycles(cells: int) -> _Array:
 
 @dataclass(frozen=True, slots=True)
 class _Best:
-    """The largest log likelihood, up to a constant, the curve in the library that it has, and the squares of noise."""
+    """Maximum log likelihood up to a constant, its curve's index in the library, and the squared noise coefficients."""
 
     largest: float
     curve: int
@@ -213,7 +213,7 @@ def _likelihood(parts: _Array, design: _Array, curves: Callable[[int], _Library]
 
 
 def _without(parts: _Array, weight: _Array, library: _Library, *, curved: bool) -> tuple[_Array, int]:
-    """Take off the line, and the curve that explains most, by weighted least squares."""
+    """Subtract the line, and the curve that explains most, by weighted least squares."""
     line = library.line * weight
     size = float(line @ library.line)
     bare = parts - library.line * (float(line @ parts) / size)
@@ -235,9 +235,9 @@ def _without(parts: _Array, weight: _Array, library: _Library, *, curved: bool) 
 
 
 def _shape(curve: int, means: _Array) -> float:
-    """Return the time constant of a curve of the library in cells, negative, or its period in cells.
+    """Return minus the time constant, or the period, of a library curve in cells.
 
-    It is the one between its neighbours in the library that leaves least of the averages over cells.
+    It is refined between its neighbours in the library to minimise the residual of the cell averages.
     """
     cycles = _cycles(means.size)
     all_shapes = np.concatenate([-_WARM_UPS, 1.0 / cycles]) * means.size
@@ -252,14 +252,14 @@ def _shape(curve: int, means: _Array) -> float:
 
 
 def _left(means: _Array, shape: float) -> float:
-    """Return the sum of squares that a curve of this shape leaves of averages over cells."""
+    """Return the residual sum of squares of the cell averages after fitting a curve of this shape."""
     design = _design(np.arange(0.5, means.size), shape, means.size)
     shares = np.linalg.lstsq(design.T, means, rcond=None)[0]
     return float(np.square(means - shares @ design).sum())
 
 
 def _design(time: _Array, shape: float, span: float) -> _Array:
-    """Return a curve in two parts, of which a warm-up has one, a mean and a line over time: shape (4, k)."""
+    """Return the two parts of a curve (a warm-up has one), a mean and a line over time: shape (4, k)."""
     angle = 2.0 * np.pi / shape * time
     curve = [np.exp(time / shape), np.zeros_like(time)] if shape < 0.0 else [np.cos(angle), np.sin(angle)]
     return np.stack([*curve, np.ones_like(time), time / span - 0.5])
@@ -272,5 +272,5 @@ def _described(shape: float) -> str:
 
 
 def roughly(number: float) -> str:
-    """Return a number to two digits in plain notation: 300, not 3e+02."""
+    """Return a number to two significant digits in plain notation: 300, not 3e+02."""
     return f"{float(f'{number:.2g}'):g}"

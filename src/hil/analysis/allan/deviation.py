@@ -1,9 +1,9 @@
-"""Deviations of the Allan family of rate data, each point with the interval that its noise type implies.
+"""Allan-family deviations of rate data, each point with the confidence interval of its noise type.
 
 Formulas and notation: W. J. Riley, "Handbook of Frequency Stability Analysis", NIST Special Publication 1065, 2008
 (SP1065). The variances at one averaging factor take the phase, the running sum of the rate in samples:
-phase[k] = y[0] + ... + y[k-1], shape (n + 1,); they are in the square of the rate's unit, and are computed in blocks
-that stay in the processor's cache.
+phase[k] = y[0] + ... + y[k-1], shape (n + 1,); they are in the square of the rate's unit, and are computed in
+cache-sized blocks.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ __all__ = [
 _Array: TypeAlias = NDArray[np.float64]
 
 MOST_MISSING = 0.05
-"""Share of an average's samples that may be missing; it raises the deviation of white noise by 2.6 % at most."""
+"""Largest share of missing samples in an average; it raises the deviation of white noise by 2.6 % at most."""
 
 _BLOCK = 1 << 15
 
@@ -51,23 +51,23 @@ def overlapping(phase: _Array, m: int) -> tuple[float, int]:
 
 
 def nonoverlapping(phase: _Array, m: int) -> tuple[float, int]:
-    """Return the Allan variance of adjacent averages and its number of terms, SP1065 equation 9."""
+    """Return the Allan variance of non-overlapping averages and its number of terms, SP1065 equation 9."""
     picked = phase[::m]
     squares = [_power(_second(picked, 1, first, last)) for first, last in _blocks(0, picked.size - 2)]
     return math.fsum(squares) / (2.0 * m * m * (picked.size - 2)), picked.size - 2
 
 
 def overlapping_with_holes(phase: _Array, m: int, holes: NDArray[np.int64]) -> tuple[float, int]:
-    """Return the overlapping Allan variance of a record in which samples are missing, and its number of terms.
+    """Return the overlapping Allan variance of a record with missing samples, and its number of terms.
 
-    An average is taken over the existing samples. Terms with an average that lacks more than MOST_MISSING of its
-    samples are left out; no phase is carried over them, because the rate in a hole is unknown. Without any
-    term the variance is NaN.
+    An average is taken over its present samples. Terms with an average that lacks more than MOST_MISSING of its samples
+    are left out; no phase is carried across them, because the rate within a hole is unknown. Without any term the
+    variance is NaN.
 
     Args:
-        phase: the running sum, in which a missing sample counts as zero.
-        m: averaging factor.
-        holes: places of the missing samples, counted from 0, rising.
+        phase: the running sum, with missing samples as zero, shape (n + 1,).
+        m: averaging factor in samples.
+        holes: indices of the missing samples, ascending.
     """
     squares, terms = [0.0], 0
     for first, last in _blocks(0, phase.size - 2 * m):
@@ -84,8 +84,8 @@ def overlapping_with_holes(phase: _Array, m: int, holes: NDArray[np.int64]) -> t
 def modified(phase: _Array, m: int) -> tuple[float, int]:
     """Return the modified Allan variance and its number of terms, SP1065 equation 14.
 
-    The inner sum over m second differences moves by one term for each start: it is carried as a running sum of third
-    differences, which keeps the digits that a double running sum of the phase would lose in long records.
+    The inner sum over m second differences shifts by one term per start: it is carried as a running sum of third
+    differences, which keeps the precision that a double running sum of the phase would lose in long records.
     """
     terms = phase.size - 3 * m
     inner = math.fsum(float(_second(phase, m, first, last).sum()) for first, last in _blocks(0, m))
@@ -109,8 +109,8 @@ def hadamard(phase: _Array, m: int) -> tuple[float, int]:
 def total(phase: _Array, m: int) -> tuple[float, int]:
     """Return the total variance and its number of terms, SP1065 equation 25.
 
-    The phase is continued beyond both ends by reflection about its end points; the continuation is never stored. Red
-    noise biases it low, see `confidence.total_bias`.
+    The phase is extended beyond both ends by reflection about its end points; the extension is never stored. Red noise
+    biases it low, see `confidence.total_bias`.
     """
     last = phase.size - 1
     squares = []
@@ -128,17 +128,17 @@ def _blocks(first: int, end: int) -> Iterator[tuple[int, int]]:
 
 
 def _missing_before(holes: NDArray[np.int64], first: int, last: int) -> NDArray[np.int64]:
-    """Count the holes before each place from `first` to below `last`."""
+    """Count the holes before each index from `first` up to, not including, `last`."""
     before, end = np.searchsorted(holes, (first, last - 1))
     return np.asarray(before + np.cumsum(np.bincount(holes[before:end] - first + 1, minlength=last - first)))
 
 
 def _power(values: _Array) -> float:
-    return float(np.einsum("i,i->", values, values))  # not BLAS: the same on any number of cores
+    return float(np.einsum("i,i->", values, values))  # not BLAS: independent of the number of cores
 
 
 def _second(phase: _Array, m: int, first: int, last: int) -> _Array:
-    if 8 * m <= _BLOCK:  # one pass over the block less, for m differences more
+    if 8 * m <= _BLOCK:  # saves one pass over the block at the cost of m more differences
         steps = np.subtract(phase[first + m : last + 2 * m], phase[first : last + m])
         return np.subtract(steps[m:], steps[:-m])
     difference = np.subtract(phase[first + 2 * m : last + 2 * m], phase[first + m : last + m])
@@ -156,7 +156,7 @@ def _third(phase: _Array, m: int, first: int, last: int) -> _Array:
 
 
 def _reflected(phase: _Array, first: int, end: int) -> _Array:
-    """Return a part of the continued phase as a new array; places below 0 and beyond the last are reflections."""
+    """Return a part of the extended phase as a new array; indices below 0 and beyond the last are reflections."""
     last = phase.size - 1
     below = max(0, min(end, 0) - first)
     beyond = max(0, end - max(first, last + 1))
@@ -174,13 +174,13 @@ Estimator: TypeAlias = Literal["overlapping", "nonoverlapping", "modified", "tim
 Taus: TypeAlias = Literal["octave", "dense"] | Sequence[float] | _Array
 
 ESTIMATORS: tuple[Estimator, ...] = ("overlapping", "nonoverlapping", "modified", "time", "hadamard", "total")
-"""What can be estimated: Allan deviations of all overlapping averages and of those side by side, modified Allan, time
-and overlapping Hadamard deviations, total deviation."""
+"""The estimators: overlapping and non-overlapping Allan deviation, modified Allan, time, overlapping Hadamard and total
+deviation."""
 
-_BEYOND_CHANCE = 300  # averages at which the bound between two types is 3 standard deviations of r1 away
-_DENSE = 20  # averaging times in a decade: neighbours correlate by more than 0.95, so more of them tell nothing
+_BEYOND_CHANCE = 300  # number of averages at which the bound between two types is 3 standard deviations of r1 away
+_DENSE = 20  # averaging times per decade: neighbours correlate by more than 0.95, so more would add nothing
 _SPANS = {"overlapping": 2, "nonoverlapping": 2, "modified": 3, "time": 3, "hadamard": 3, "total": 2}
-"""How many averages one term takes."""
+"""Number of averages in one term."""
 
 
 @traced
@@ -195,34 +195,34 @@ def deviation(
     holes: bool = False,
     exact: bool = False,
 ) -> AllanCurve:
-    """Return a deviation of rate data over averaging time.
+    """Return an Allan-family deviation of rate data over averaging time.
 
-    Models: SP1065 equations 11 (overlapping), 9 (nonoverlapping), 14 (modified), 18 (hadamard) and 25 (total), of the
-    phases that are the running sum of the rate without its mean, which changes nothing but the rounding; time is
-    tau / sqrt(3) times modified, in `unit` times s. Intervals are chi-square with the
-    equivalent degrees of freedom of the noise type identified at each averaging time; where fewer than 30 averages are
-    left, or a bluer type could be chance, the type of the nearest shorter time is used. Total deviations are divided
-    by their known bias under flicker and random walk. Needs memory for one extra copy of the data.
+    Models: SP1065 equations 11 (overlapping), 9 (nonoverlapping), 14 (modified), 18 (hadamard) and 25 (total), with the
+    running sum of the mean-free rate as phase (removing the mean affects only rounding); time is tau / sqrt(3) times
+    modified, in `unit` times s. Intervals are chi-square with the equivalent degrees of freedom of the noise type
+    identified at each averaging time; where fewer than 30 averages are left, or a bluer type could be chance, the type
+    at the nearest shorter time is used. Total deviations are corrected for their known bias under flicker and random
+    walk. Memory: one copy of the data.
 
-    Octaves of the overlapping deviation of 2^21 samples or more, none of them missing, are computed in one pass that
-    needs a sixteenth of the data as extra memory: exactly up to m = 16, and beyond from the differences that begin at
-    every m/16-th sample. What is left out adds no information: the variance of the result grows by less than 2 %.
+    Octaves of the overlapping deviation of 2^21 samples or more, none missing, are computed in one pass with memory for
+    a sixteenth of the data: exactly up to m = 16, and beyond from the differences that begin at every m/16-th sample.
+    The omitted differences are redundant: the variance of the result grows by less than 2 %.
 
     Args:
         data: evenly spaced rate, shape (n,), in `unit`.
-        rate: samples per second.
-        taus: averaging times in s, each taken at the nearest whole number of samples; "octave" for 1, 2, 4... samples,
-            or "dense" for 20 times a decade, both up to a quarter of the record.
+        rate: sampling rate [Hz].
+        taus: averaging times in s, each rounded to a whole number of samples; "octave" for 1, 2, 4... samples,
+            or "dense" for 20 per decade, both up to a quarter of the record.
         estimator: one of ESTIMATORS.
         unit: unit of the data.
-        confidence: of the intervals, between 0 and 1.
-        holes: whether NaN marks a missing sample (overlapping only). Averages are then taken over what is
-            there, differences with an average that misses more than 5 % are left out, and averaging times without any
-            difference as well.
-        exact: whether every difference is taken however long the record is, for comparison with other programs.
+        confidence: confidence level of the intervals, between 0 and 1.
+        holes: whether NaN marks a missing sample (overlapping only). Averages are then taken over the present
+            samples; differences with an average that lacks more than 5 %, and averaging times without any difference,
+            are left out.
+        exact: whether to take every difference however long the record, for comparison with other programs.
 
     Raises:
-        Refused: the data are not a finite series of two samples or more, or an averaging time does not fit.
+        Refused: the data are not a finite series of at least two samples, or an averaging time does not fit.
     """
     if not 0.0 < confidence < 1.0:
         raise Refused(f"a confidence of {confidence:g} is not possible", "give a number between 0 and 1, such as 0.68")
@@ -269,7 +269,7 @@ def deviation(
 def _differenced(
     phase: _Array, factors: _Places, estimator: Estimator, missing: _Places
 ) -> tuple[_Places, _Array, _Places, Iterable[_Array]]:
-    """Return what `_estimated` does, and consecutive averages at each factor."""
+    """Return the result of `_estimated`, and consecutive averages at each factor."""
     factors, variance, terms = _estimated(phase, factors, estimator, missing)
     return factors, variance, terms, (_averages(phase, m, missing) for m in factors.tolist())
 
@@ -277,7 +277,7 @@ def _differenced(
 def _estimated(
     phase: _Array, factors: _Places, estimator: Estimator, missing: _Places
 ) -> tuple[_Places, _Array, _Places]:
-    """Return the factors that have a difference without holes, their variances and numbers of terms."""
+    """Return the factors with at least one usable difference, their variances and numbers of terms."""
     if missing.size and estimator != "overlapping":
         raise Refused(
             f"the {estimator} deviation needs a record without holes, and {missing.size} samples are missing",
@@ -292,7 +292,7 @@ def _estimated(
 
 
 def _checked(data: ArrayLike, rate: float, *, holes: bool) -> tuple[_Array, float, _Places]:
-    """Return the samples, their mean, and the places of those that are missing."""
+    """Return the samples, their mean, and the indices of missing ones."""
     values = np.asarray(data, dtype=np.float64)
     if not (math.isfinite(rate) and rate > 0.0):
         raise Refused(f"a rate of {rate:g} Hz is not possible", "give the samples per second")
@@ -307,9 +307,9 @@ def _checked(data: ArrayLike, rate: float, *, holes: bool) -> tuple[_Array, floa
         raise _not_finite(values, missing)
     if missing.size == values.size:
         raise Refused(f"all {values.size} samples are missing", "check which channel was recorded")
-    few = values if missing.size else values[:: 1 + values.size // 1000]  # most records move within these
+    few = values if missing.size else values[:: 1 + values.size // 1000]  # most records vary within these
     if np.nanmin(few) == np.nanmax(few) and np.nanmin(values) == np.nanmax(values):
-        mean = float(values[np.isfinite(values)][0])  # a mean that rounds differently would look like noise
+        mean = float(values[np.isfinite(values)][0])  # rounding of a computed mean would look like noise
     return values, mean, missing
 
 
@@ -366,7 +366,7 @@ def _variance(phase: _Array, m: int, estimator: Estimator, missing: _Places) -> 
 def _noise_types(factors: _Places, averages: Iterable[_Array], reddest: int) -> _Places:
     """Identify the noise type at each averaging factor from its averages, given that at the next shorter one.
 
-    In a sum of noises the redder one wins as tau grows, so a bluer type is believed only where chance cannot make it.
+    In a sum of noises the redder one dominates as tau grows, so a bluer type is accepted only if chance is ruled out.
     """
     alpha = np.zeros(factors.size, dtype=np.int64)
     shorter = 0
@@ -379,7 +379,7 @@ def _noise_types(factors: _Places, averages: Iterable[_Array], reddest: int) -> 
 
 
 def _averages(phase: _Array, m: int, missing: _Places) -> _Array:
-    """Return consecutive averages, up to a factor; those with too many samples missing are left out."""
+    """Return consecutive averages up to a constant factor; those with too many missing samples are left out."""
     edges = np.arange(0, min(phase.size, m * trust.MOST_AVERAGES + 1), m)
     sums = np.diff(phase[edges])
     if not missing.size:

@@ -1,9 +1,9 @@
-"""The effect of removing a straight line from a record on its long averages: their expectation, and their uncertainty.
+"""Effect of detrending on long averages: expected Allan variance and degrees of freedom.
 
-A line that is fitted takes some of the slow noise with it. How much depends on the noise and on tau / T alone; it is
-computed on a grid of 128 to 255 averages over the record, of which every second difference is taken, from the
-generalised covariances of the angle: -|t| / 2 (white rate), t^2 ln|t| / (2 pi) (flicker) and |t|^3 / 12 (random walk),
-those of Greenhall and Riley (see `confidence`) in the units of IEEE Std 952.
+A fitted line absorbs some of the slow noise. How much depends only on the noise and on tau / T; it is computed on a
+grid of 128 to 255 averages over the record, from all their second differences and the generalised covariances of the
+angle: -|t| / 2 (white rate), t^2 ln|t| / (2 pi) (flicker) and |t|^3 / 12 (random walk), those of Greenhall and Riley
+(see `confidence`) in the units of IEEE Std 952.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ __all__ = ["End", "ends", "line", "slope_variances", "without"]
 _Array: TypeAlias = NDArray[np.float64]
 
 _FEWEST_CELLS = 128
-_COARSEST = 8  # cells of an average; with fewer the grid's differences overlap too little
+_COARSEST = 8  # cells per average; with fewer the grid's differences overlap too little
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class End:
-    """The Allan variance at one long averaging time, of a record without its line.
+    """The Allan variance at one long averaging time of a detrended record.
 
     Attributes:
-        kept: share of the expected variance of white noise, flicker and random walk that is left, shape (3,).
+        kept: remaining share of the expected variance of white noise, flicker and random walk, shape (3,).
         products: inner products of the covariances of the differences under each noise, for unit variance: (3, 3).
     """
 
@@ -37,12 +37,12 @@ class End:
     products: _Array
 
     def edf(self, shares: _Array) -> float:
-        """Return the degrees of freedom under a mixture; shares of the variance before the line was removed."""
+        """Return the degrees of freedom under a mixture; shares (3,) of the variance before detrending."""
         return float((shares @ self.kept) ** 2 / (shares @ self.products @ shares))
 
 
 def ends(samples: int, m: int) -> End | None:
-    """Return the effect of the line on averages of m samples; None where they are so short that there is none."""
+    """Return the effect of detrending on averages of m samples; None where they are too short to be affected."""
     cell = _cell(samples)
     return _end(samples // cell, m // cell) if m // cell >= _COARSEST else None
 
@@ -93,7 +93,7 @@ def slope_variances(samples: int, rate: float) -> _Array:
 
 
 def line(values: _Array) -> tuple[float, float]:
-    """Return mean and slope per sample of the line by least squares through the samples that are there."""
+    """Return mean and slope per sample of the least-squares line through the present samples, shape (n,)."""
     middle, mean = (values.size - 1) / 2.0, float(np.nanmean(values))
     sums = np.zeros(5)  # of 1, t, t^2, y and t y, with y from the mean
     for first in range(0, values.size, _BLOCK):
@@ -111,7 +111,7 @@ _BLOCK = 1 << 16
 
 
 def without(values: _Array, slope: float) -> _Array:
-    """Return a copy of values with a line through zero removed."""
+    """Return a copy of values, shape (n,), less a line through zero of this slope per sample."""
     bare = np.arange(values.size, dtype=np.float64)
     bare *= -slope
     bare += values

@@ -1,4 +1,4 @@
-"""Weighted fit of quantisation, white noise, flicker and random walk to the Allan variance without a line.
+"""Weighted fit of quantisation, white noise, flicker and random walk to the Allan variance of a detrended record.
 
 Definitions follow IEEE Std 952-1997, annex C: two-sided spectra of the rate (2 pi f)^2 Q^2 / rate (quantisation of the
 angle), N^2 (white), B^2 / (2 pi f) (flicker) and K^2 / (2 pi f)^2 (random walk). The fit works on the squares, in
@@ -30,25 +30,23 @@ _FLICKER, _WALK = (tuple(TERMS).index(name) for name in ("flicker", "random_walk
 _OFFERED = np.array(
     [[term in subset for term in range(4)] for size in (1, 2, 3, 4) for subset in combinations(range(4), size)]
 )
-"""Which terms each of the fifteen subsets offers."""
+"""The terms in each of the fifteen subsets."""
 
-_ITERATIONS = 50  # at most, until a model repeats itself
+_ITERATIONS = 50  # at most, until the model repeats itself
 _FLOOR_OF_FLICKER = 2.0 * math.log(2.0) / math.pi
-_DISCRETE_UP_TO = 32  # averaging factor above which sampled flicker is its floor to better than 1e-4
-_UNIFORM = (
-    1.2 * 36.0 / 140.0
-)  # by which errors of quantisation, evenly spread, make a variance scatter less than Gaussian ones
-_ONE_SIDED = 1.6449  # standard deviations, of 95 %
-_PENALTY = 9.0  # of a term, in chi-square: three standard deviations, passed by chance once in 400 records
+_DISCRETE_UP_TO = 32  # averaging factor above which sampled flicker equals its floor to better than 1e-4
+_UNIFORM = 1.2 * 36.0 / 140.0  # reduction of a variance's scatter for uniform quantisation errors against Gaussian ones
+_ONE_SIDED = 1.6449  # standard deviations for one-sided 95 %
+_PENALTY = 9.0  # per term, in chi-square: three standard deviations, exceeded by chance once in 400 records
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Points:
-    """The points of an Allan variance that are fitted; arrays of one shape (k,).
+    """The fitted points of an Allan variance; arrays of one shape (k,).
 
     Attributes:
-        rate: samples per second.
-        samples: length of the record from which a line was removed.
+        rate: sampling rate [Hz].
+        samples: length of the detrended record in samples.
         m: averaging factors.
         terms: number of averaged second differences.
         variance: Allan variances.
@@ -66,16 +64,16 @@ class Fit:
     """A fitted noise model; arrays of shape (4,), in the order of TERMS.
 
     Attributes:
-        squares: Q^2, N^2, B^2 and K^2 of the selected terms, zero for the others. Only Q^2 may be negative: a filter
-            before the sampling takes as much off at short averaging times, 3 M / 2 tau^2, as a quantised angle adds,
-            where M is the first absolute moment of the autocovariance of the filtered noise.
+        squares: Q^2, N^2, B^2 and K^2 of the selected terms, zero for the others. Only Q^2 may be negative: where a
+            quantised angle adds variance at short averaging times, a filter before the sampling removes 3 M / 2 tau^2,
+            with M the first absolute moment of the autocovariance of the filtered noise.
         offered: the squares with all terms in the fit, unconstrained; an unselected term may be negative.
         covariance: of `offered`, shape (4, 4).
-        estimator: how much of the variance of each point is in each of `offered`, shape (4, k).
+        estimator: weight of each point's variance in each of `offered`, shape (4, k).
         bound: upper bound of each square at 95 % confidence.
-        apart: standard deviations of the offered B^2 from zero, the fewer of those under the selected noise and under
-            the noise that fits best without flicker; infinite where random walk is selected beside it.
-        selected: which terms the criterion kept.
+        apart: standard deviations of the offered B^2 from zero, the smaller of those under the selected noise and
+            under the best noise without flicker; infinite where random walk is selected as well.
+        selected: the terms kept by the criterion.
         chi: root of chi-square per degree of freedom.
         tail: probability of a chi-square at least as large if the model is right.
     """
@@ -114,15 +112,15 @@ def _sampled_flicker(m: int) -> float:
 
 
 def fit(points: Points) -> Fit:
-    """Fit every subset of the terms and return the one with the smallest chi-square, with a penalty of 9 for each term.
+    """Fit every subset of the terms, and return the one with the smallest chi-square plus a penalty of 9 per term.
 
     Generalised least squares with the relative covariance of the points under the fitted noise, relative to the model
-    and iterated until it converges: the estimating equation of a gamma variate, unbiased also where few degrees of
-    freedom make the points skewed. A subset with a negative N^2, B^2 or K^2, or variance, is left out. What is offered
-    comes from all terms together, so that a term that was not selected does not bias the others.
+    and iterated until it repeats itself: the estimating equation of a gamma variate, unbiased even where few degrees of
+    freedom make the points skewed. A subset with a negative N^2, B^2, K^2 or variance is discarded. The offered values
+    come from a fit of all terms, so that omitting a term biases no other.
 
     Args:
-        points: what to fit; at least one point more than terms.
+        points: the points to fit, at least one more than terms.
     """
     work = _work(points)
     squares = plain = _started(work)
@@ -133,7 +131,7 @@ def fit(points: Points) -> Fit:
 
 @dataclass(frozen=True, slots=True)
 class _Work:
-    """What all fits of one set of points share: expectations with and without the line, spectra, ends."""
+    """Shared by all fits of one set of points: expectations with and without the line, spectra, ends."""
 
     points: Points
     whole: _Array
@@ -145,7 +143,7 @@ class _Work:
     widths: _Array
 
     def covariance(self, squares: _Array) -> _Array:
-        """Relative covariance of the points under a mixture of noises, shape (k, k).
+        """Return the relative covariance of the points under a mixture of noises, shape (k, k).
 
         The covariance of two Allan variances of one long record is proportional to the integral of
         S(f)^2 |H_i|^2 |H_j|^2, with |H|^2 the transfer function of the Allan variance and S the spectrum of the noise
@@ -171,7 +169,7 @@ class _Work:
 def _work(points: Points) -> _Work:
     whole = variances(points.m, points.rate)
     found = tuple(ends(points.samples, m) for m in points.m.tolist())
-    tilted = 12.0 * (points.m / points.samples) ** 4  # what the line adds to quantisation: tau^2 times 72 Q^2 / T^4 / 2
+    tilted = 12.0 * (points.m / points.samples) ** 4  # the line's effect on quantisation: tau^2 times 72 Q^2 / T^4 / 2
     kept = np.array([np.ones(3) if end is None else end.kept for end in found])
     design = whole * np.column_stack([1.0 + tilted, kept])
     longest = float(points.m.max())
@@ -186,13 +184,13 @@ def _work(points: Points) -> _Work:
 
 
 def _started(work: _Work) -> _Array:
-    """Return the first guess: white noise and random walk through the first and the last point."""
+    """Return the initial guess: white noise through the first point, random walk through the last."""
     ratio = work.points.variance[:, None] / work.design
     return np.array([0.0, ratio[0, 1], 0.0, ratio[-1, 3]]) / 2.0
 
 
 def _select(work: _Work, covariance: _Array) -> tuple[_Array, _Array]:
-    """Return the squares of the subset with the smallest criterion, and of that among those without flicker."""
+    """Return the squares of the best subset, and of the best without flicker."""
     white = np.linalg.inv(np.linalg.cholesky(covariance))
     squares, possible = _solved(work, white)
     model = np.where(possible[:, None], squares @ work.design.T, work.points.variance)
@@ -204,7 +202,7 @@ def _select(work: _Work, covariance: _Array) -> tuple[_Array, _Array]:
 
 
 def _solved(work: _Work, white: _Array) -> tuple[_Array, NDArray[np.bool_]]:
-    """Return the squares of every subset, shape (15, 4), and which subsets are possible; `white` makes points white."""
+    """Return the squares of every subset, shape (15, 4), and which subsets are valid; `white` whitens the points."""
     variance, design = work.points.variance, work.design
     squares, models = np.zeros(_OFFERED.shape), np.tile(variance, (len(_OFFERED), 1))
     possible = np.ones(len(_OFFERED), dtype=np.bool_)
@@ -230,7 +228,7 @@ def _solved(work: _Work, white: _Array) -> tuple[_Array, NDArray[np.bool_]]:
 
 
 def _estimator(design: _Array, model: _Array, lower: _Array) -> _Array:
-    """Return the matrix that takes variances to squares: generalised least squares relative to a model."""
+    """Return the matrix from variances to squares: generalised least squares relative to a model."""
     scale = np.abs(design / model[:, None]).max(axis=0)
     whitened = np.linalg.solve(lower, np.column_stack([design / scale, np.diag(model)]) / model[:, None])
     left, right = whitened[:, : scale.size], whitened[:, scale.size :]
@@ -239,7 +237,7 @@ def _estimator(design: _Array, model: _Array, lower: _Array) -> _Array:
 
 
 def _estimated(work: _Work, squares: _Array, covariance: _Array) -> tuple[_Array, _Array, _Array]:
-    """Return the estimator of all squares under some noise, the squares that it gives, and their covariance."""
+    """Return the estimator of all squares under given noise, the resulting squares, and their covariance."""
     model = work.design @ squares
     estimator = _estimator(work.design, model, np.asarray(np.linalg.cholesky(covariance), dtype=np.float64))
     weighted = estimator * model
@@ -257,7 +255,7 @@ def _misfit(variance: _Array, model: _Array, covariance: _Array) -> float:
 
 
 def _normal(variance: _Array, model: _Array, covariance: _Array) -> _Array:
-    """Return residuals as cube roots, which are nearly normal (Wilson and Hilferty 1931)."""
+    """Return cube-root residuals, which are nearly normal (Wilson and Hilferty 1931)."""
     return np.asarray(3.0 * (np.cbrt(variance / model) - (1.0 - np.diag(covariance) / 9.0)), dtype=np.float64)
 
 
@@ -289,10 +287,10 @@ def _judged(work: _Work, squares: _Array, plain: _Array) -> Fit:
 
 
 def _bound(design: _Array, squares: _Array, estimator: _Array, covariance: _Array, offered: float, term: int) -> float:
-    """Largest square that would still have given the offered one, with its own noise counted, at 95 % confidence.
+    """Return the largest square consistent with the offered one, its own noise included, at 95 % confidence.
 
     Solves (x - offered)^2 = q^2 u(x)^2 for x, where u^2 is quadratic in x because the points' uncertainty is
-    proportional to the model; without a solution the fit does not bound the term.
+    proportional to the model; without a solution the fit places no bound on the term.
     """
     others = design @ np.where(np.arange(4) == term, 0.0, squares)
     still, moved = estimator[term] * others, estimator[term] * design[:, term]
@@ -307,10 +305,10 @@ def _bound(design: _Array, squares: _Array, estimator: _Array, covariance: _Arra
 
 
 def _alone(variance: _Array, model: _Array, design: _Array, relative: _Array, taken: _Array) -> _Array:
-    """Bound of each square if its term were all there is at one point, at 95 %: chi-square, SP1065 equation 45.
+    """Return the 95 % bound of each square if its term alone made up one point: chi-square, SP1065 equation 45.
 
-    The point is chosen by the model, not by the data, so that choosing it costs no confidence. What a filter may have
-    taken off a point comes back.
+    The point is selected by the model, not by the data, so the selection costs no confidence. Variance that a filter
+    may have removed is added back.
     """
     from scipy.special import gammaincinv  # noqa: PLC0415 - scipy is slow to import
 

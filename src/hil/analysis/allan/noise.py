@@ -1,4 +1,4 @@
-"""Noise of a sensor at rest, from its Allan curve.
+"""Noise coefficients of a sensor at rest, from its Allan deviation.
 
 Definitions of the coefficients: IEEE Std 952-1997, annex C.
 """
@@ -26,19 +26,19 @@ from hil.model.figure import Figure, FigureStatus, effective_dof
 __all__ = ["characterise"]
 
 _FEWEST_POINTS = 6  # two more than four terms
-_WORST_TAIL = 1e-3  # a right model is rejected once in a thousand records, as a misfit, and once as too good a fit
-_GOOD_TAIL = 0.05  # that leaving out the shortest averaging times has to reach where the model is rejected with them
-_SLOWEST, _FASTEST = 1e-9, 1e12  # Hz; beyond them products of rates and averaging times leave the range of numbers
-_SMALLEST, _LARGEST = 1e-40, 1e40  # of a deviation whose fourth power, times those of rates, is a number
-_KNOWN = 2.0  # a measured square is at least twice its standard uncertainty
-_APART = 3.0  # standard deviations of the square of flicker from zero, where it stands in place of random walk
-_SURE = 0.995  # of a ramp that is measured, to either side
-_BENT = 20.0  # gain of a curve with which a line is not measured any more: one record in thirty without any has it
-_NO_NOISE = 1e-13  # of the largest sample: what rounding leaves of a straight line
-_WELL_KNOWN_DOF = 10.0  # of a deviation that may be the smallest: averaging times up to about an eighth of the record
+_WORST_TAIL = 1e-3  # a correct model is rejected once in a thousand records as a misfit, and once as too good a fit
+_GOOD_TAIL = 0.05  # to be reached without the shortest averaging times where the model is rejected with them
+_SLOWEST, _FASTEST = 1e-9, 1e12  # Hz; beyond them products of rates and averaging times overflow
+_SMALLEST, _LARGEST = 1e-40, 1e40  # deviations whose fourth power, times those of rates, does not overflow
+_KNOWN = 2.0  # least ratio of a measured square to its standard uncertainty
+_APART = 3.0  # least standard deviations of squared flicker from zero, where it takes the place of random walk
+_SURE = 0.995  # confidence of a measured ramp, each side
+_BENT = 20.0  # gain of a curve above which a line is not measured; one curve-free record in thirty has it
+_NO_NOISE = 1e-13  # of the largest sample: rounding residue of a straight line
+_WELL_KNOWN_DOF = 10.0  # needed to count as the minimum: averaging times up to about an eighth of the record
 _SQUARES = tuple(allan_fit.TERMS)
 _FLICKER = _SQUARES.index("flicker")
-_FAST = (0, 1)  # of these: what the shortest averaging times show
+_FAST = (0, 1)  # the terms that dominate the shortest averaging times
 
 
 @traced
@@ -56,35 +56,35 @@ def characterise(
     """Return the noise coefficients of a sensor at rest, each with its uncertainty and status.
 
     Model: sigma^2(tau) = 3 Q^2 / tau^2 + N^2 / tau + (2 ln 2 / pi) B^2 + K^2 tau / 3 + R^2 tau^2 / 2 in its exact
-    sampled form. R is the slope of the straight line through the record; the others are fitted by `allan_fit.fit` to
-    the overlapping Allan variance, at octaves of tau, of the record without that line.
+    sampled form. R is the slope of the straight line through the record; the others are fitted by `allan.fit.fit` to
+    the overlapping Allan variance, at octaves of tau, of the detrended record.
 
-    A filter before the sampling removes a part that fades as 1 / tau^2; it is fitted with Q. Averaging times below
-    five time constants of a filter that the spectrum shows (`rolloff`) are left out. Where the misfit has a probability
-    below 0.001, the shortest ones are left out until it is 0.05, up to half of the points, and then one more; if that
-    does not help, the model is rejected. So is a fit that is too good, of a probability above 0.999, and one where a
+    A filter before the sampling removes a part that decreases as 1 / tau^2; it is fitted with Q. Averaging times below
+    five time constants of a filter visible in the spectrum (`rolloff`) are left out. Where the misfit has a probability
+    below 0.001, the shortest ones are dropped until it reaches 0.05, up to half of the points, and then one more; if
+    that fails, the model is rejected. So is a fit that is too good, with a probability above 0.999, and one where a
     line in the spectrum moves a square by more than its uncertainty (`tones`).
 
-    A coefficient is MEASURED where the criterion keeps its term and its square is known to 50 % or better, that of
-    flicker in place of random walk to a third, also where the points scatter as the best noise without flicker makes
-    them; else an UPPER_LIMIT, whose value is a bound at 95 % confidence, and whose uncertainty is that of the estimate
-    below it.
+    A coefficient is MEASURED where the criterion keeps its term and its square is known to 50 % or better (flicker in
+    place of random walk: to a third, even under the best noise without flicker); otherwise it is an UPPER_LIMIT, whose
+    value is a bound at 95 % confidence, and whose uncertainty is that of the estimate below it.
     Flicker, random walk and ramp are also limits where the record shows a curve, or where white noise with a curve
-    explains it as well, and random walk where flicker with a curve does (`curves.slow`). Quantisation is NOT_OBSERVABLE
-    where a filter may hide it. Degrees of freedom are those of a chi-square with the relative spread of the square.
+    explains it equally well, and random walk where flicker with a curve does (`curves.slow`). Quantisation is
+    NOT_OBSERVABLE where a filter may hide it. Degrees of freedom are those of a chi-square variate with the relative
+    spread of the square.
 
     Args:
         data: evenly spaced rate at rest, shape (n,), in `unit`.
-        rate: samples per second.
+        rate: sampling rate [Hz].
         unit: unit of the data.
-        confidence: of the curve's intervals, between 0 and 1.
-        tau_min: averaging times below this, in s, are not fitted.
-        tau_max: averaging times beyond this, in s, are not fitted.
-        bandwidth: where the sensor's own filter is 3 dB down, in Hz: averaging times below its inverse are not fitted.
+        confidence: confidence level of the curve's intervals, between 0 and 1.
+        tau_min: shortest averaging time to fit [s].
+        tau_max: longest averaging time to fit [s].
+        bandwidth: -3 dB bandwidth of the sensor's own filter [Hz]; averaging times below its inverse are not fitted.
         holes: whether NaN marks a missing sample; see `deviation`.
 
     Raises:
-        Refused: the data are not a finite series of two samples or more, or the rate is none of a sensor.
+        Refused: the data are not a finite series of at least two samples, or the rate is implausible for a sensor.
     """
     if not _SLOWEST <= rate <= _FASTEST:
         raise Refused(f"{rate:g} Hz is no sampling rate of a sensor", "check the unit of time")
@@ -121,7 +121,7 @@ def characterise(
 
 
 def _loud(found: allan_fit.Fit, lines: tuple[Tone, ...], m: NDArray[np.int64], rate: float) -> Tone | None:
-    """Return the loudest line where all of them move a square by more than its uncertainty."""
+    """Return the strongest line if together they move a square by more than its uncertainty, otherwise None."""
     if not lines:
         return None
     moved = (
@@ -142,15 +142,15 @@ def _too_few(usable: int, all_times: int, shown: Filter | None) -> str:
 
 
 def _scale(size: float) -> float:
-    """Return a power of two that brings deviations near 1 where their fourth powers would be no numbers."""
+    """Return a power of two that scales deviations to about 1 where their fourth powers would overflow."""
     return 1.0 if not size or _SMALLEST < size < _LARGEST else math.ldexp(1.0, math.frexp(size)[1])
 
 
 def _fitted(bare: AllanCurve, usable: NDArray[np.intp]) -> tuple[allan_fit.Fit, int]:
-    """Return the fit of the points that noise explains, from which on no filter matters, and its first.
+    """Return the fit of the points beyond the influence of a filter, and the index of the first one.
 
-    Where the model is rejected with the shortest averaging times, it is tried without them: up to half of the points,
-    and then one more, because what is left of a filter there is within the noise.
+    Where the model is rejected, the shortest averaging times are dropped: up to half of the points, and then one more,
+    because the remaining effect of a filter there is within the noise.
     """
     first, end = int(usable[0]), int(usable[-1]) + 1
     whole = allan_fit.fit(_points(bare, first, end))
@@ -176,9 +176,9 @@ def _points(curve: AllanCurve, start: int, end: int) -> allan_fit.Points:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Ramp:
-    """The slope of a record, in unit / s, with the variance that the fitted noise gives it, and how well that is known.
+    """The slope of a record in unit / s, with its variance under the fitted noise and the degrees of freedom.
 
-    `slow` says that slow noise has a part in it.
+    `slow` is set where slow noise contributes to it.
     """
 
     slope: float
@@ -191,12 +191,12 @@ class _Ramp:
         shares = slope_variances(curve.samples, curve.rate)
         spread = math.sqrt(max(0.0, float(shares @ found.covariance @ shares)))
         squares = np.maximum(found.squares, 0.0)
-        if squares[2:].any():  # slow noise of one kind may be slow noise of the other
+        if squares[2:].any():  # one kind of slow noise may be mistaken for the other
             squares[2:] = np.maximum(squares[2:], found.offered[2:])
         return cls(slope=slope, variance=float(shares @ squares), spread=spread, slow=bool(squares[2:].any()))
 
     def figure(self, unit: str, *, doubted: bool) -> Figure:
-        """Return the ramp as measured where it is larger than slow noise that the fit may have missed explains."""
+        """Return the ramp, MEASURED where it exceeds what slow noise missed by the fit could explain."""
         from scipy.special import stdtrit  # noqa: PLC0415 - scipy is slow to import
 
         dof = max(1.0, 2.0 * (self.variance / self.spread) ** 2) if self.slow else math.inf
@@ -218,7 +218,7 @@ def _model(
     slowly: Slow | None,
     tone: Tone | None,
 ) -> NoiseModel:
-    """Return the model; quantisation and white noise are those of `fast`, the fit without a curve that was found."""
+    """Return the model; quantisation and white noise are those of `fast`, the fit after removing any curve."""
     rejected = tone is not None or not _WORST_TAIL <= found.tail <= 1.0 - _WORST_TAIL
     doubted = _doubted(slowly)
     left = dict.fromkeys(_SQUARES, 0.0) | {"random_walk": slowly.open if slowly else 0.0}
@@ -248,7 +248,7 @@ def _model(
 
 
 def _doubted(slowly: Slow | None) -> set[str]:
-    """Return the names of the terms that a curve may be taken for."""
+    """Return the names of the terms that a curve may mimic."""
     if slowly is None or (slowly.walk and slowly.noise and not slowly.curve):
         return set()
     return {"flicker", "random_walk"} if slowly.curve or not slowly.noise else {"random_walk"}
@@ -291,7 +291,7 @@ def _remarks(
 
 
 def _figure(found: allan_fit.Fit, term: int, unit: str, rejected: bool, doubted: bool, left: float) -> Figure:
-    """Return a coefficient; it lies up to `left` off for a reason that no scatter shows, evenly spread (GUM 4.3.7)."""
+    """Return a coefficient; `left` is the half-width of a uniform systematic error (GUM 4.3.7)."""
     square, uncertainty = float(found.offered[term]), math.sqrt(float(found.covariance[term, term]))
     if rejected:
         return Figure(value=math.sqrt(max(0.0, float(found.squares[term]))), unit=unit, status=_REJECTED)
@@ -324,9 +324,9 @@ def _unobservable(curve: AllanCurve, remark: str) -> NoiseModel:
 
 
 def _window(curve: AllanCurve) -> Figure:
-    """Averaging time with the smallest deviation; its uncertainty spans the times that are as good within theirs.
+    """Return the averaging time of the minimum; its uncertainty spans the times that are equally good within theirs.
 
-    Only among times whose deviation has ten degrees of freedom: of the few longest ones, one often is low by chance.
+    Only times whose deviation has ten degrees of freedom qualify: one of the longest few is often low by chance.
     """
     known = max(1, int((curve.edf >= _WELL_KNOWN_DOF).sum()))
     best = int(np.argmin(curve.deviation[:known]))

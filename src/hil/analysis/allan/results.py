@@ -1,4 +1,4 @@
-"""What an Allan analysis returns: the curve, and the noise model read from it."""
+"""Results of an Allan analysis: the curve, and the noise model derived from it."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ _Array: TypeAlias = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AllanCurve:
-    """A deviation of the Allan family; arrays of one shape (k,), in order of rising tau.
+    """An Allan-family deviation; arrays of one shape (k,), in ascending order of tau.
 
     Attributes:
         estimator: overlapping, nonoverlapping, modified, time, hadamard (overlapping) or total.
-        unit: unit of the deviations: that of the rate, for the time deviation times s.
-        rate: samples per second.
-        samples: length of the record in samples, those that are missing included.
-        missing: how many samples of the record are missing.
-        confidence: probability that an interval holds the true deviation.
-        tau: averaging times in seconds.
-        deviation: deviations, those of the total estimator without their known bias.
+        unit: unit of the deviations: that of the rate, times s for the time deviation.
+        rate: sampling rate [Hz].
+        samples: length of the record in samples, missing ones included.
+        missing: number of missing samples.
+        confidence: probability that an interval contains the true deviation.
+        tau: averaging times [s].
+        deviation: deviations, for the total estimator corrected for its known bias.
         m: averaging factors in samples.
-        terms: how many differences of averages the record holds, each of which was averaged unless `starts` says less.
+        terms: number of differences of averages in the record; all are used unless `starts` is set.
         edf: equivalent degrees of freedom.
         low: lower ends of the confidence intervals.
         high: upper ends of the confidence intervals.
         alpha: noise types, from 2 (white angle) over 0 (white rate) to -2 (random walk of the rate).
-        starts: how many of the differences that begin within one averaging time were averaged, 0 for all of them.
+        starts: number of differences used per averaging time, 0 for all.
     """
 
     estimator: str
@@ -56,7 +56,7 @@ class AllanCurve:
 
     @property
     def figures(self) -> tuple[Figure, ...]:
-        """The deviations with their standard uncertainties, deviation / sqrt(2 edf): what a chart draws with bars."""
+        """The deviations with their standard uncertainties, deviation / sqrt(2 edf), for error bars in charts."""
         pairs = zip(self.deviation.tolist(), self.edf.tolist(), strict=True)
         return tuple(
             Figure(value=value, unit=self.unit, uncertainty=value / math.sqrt(2.0 * edf) if edf > 0.0 else None)
@@ -64,28 +64,28 @@ class AllanCurve:
         )
 
     def scaled(self, scale: float) -> AllanCurve:
-        """Return the curve of data that are as many times as large."""
+        """Return the curve of data multiplied by a factor."""
         return replace(self, deviation=self.deviation * scale, low=self.low * scale, high=self.high * scale)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NoiseModel:
-    """A sensor's noise, as shown by a record at rest.
+    """Noise model of a sensor, from a record at rest.
 
     Attributes:
         quantisation: quantisation of the angle Q, in unit*s.
         white: white noise N (of a gyroscope: angle random walk), in unit/sqrt(Hz).
         flicker: flicker B (bias instability), in the rate's unit; 0.664 B is the floor of the deviation.
         random_walk: random walk of the rate K, in unit*sqrt(Hz).
-        ramp: slope of the record R (rate ramp), in unit/s, without its sign.
-        averaging_window: averaging time with the smallest deviation, in s, among those that are known with ten degrees
-            of freedom; NOT_OBSERVABLE where that is the longest of them.
+        ramp: magnitude of the record's slope R (rate ramp), in unit/s.
+        averaging_window: averaging time of the smallest deviation, in s, among those with ten degrees of freedom;
+            NOT_OBSERVABLE where it is the longest of them.
         curve: the deviations.
-        fitted: deviation of the fitted model at the curve's averaging times, without a filter; empty if nothing was
+        fitted: deviation of the fitted model, without a filter, at the curve's averaging times; empty if nothing was
             fitted.
         chi: root of chi-square per degree of freedom of the fit, NaN where nothing was fitted.
         tau_min: shortest averaging time in the fit, in s.
-        remark: why something is not observable, a bound or rejected, else empty.
+        remark: why something is not observable, a limit or rejected, otherwise empty.
     """
 
     quantisation: Figure
@@ -102,17 +102,17 @@ class NoiseModel:
 
     @property
     def in_fit(self) -> NDArray[np.bool_]:
-        """Which of the curve's averaging times were fitted, from `tau_min` on; none where nothing was fitted."""
+        """Mask of the curve's averaging times that were fitted, from `tau_min` on; all False if nothing was fitted."""
         return (self.curve.tau >= self.tau_min * (1.0 - 1e-9)) & bool(self.fitted.size)
 
     @property
     def line(self) -> tuple[_Array, _Array] | None:
-        """Averaging times and deviations of the model where it was fitted; None where nothing was."""
+        """Averaging times and deviations of the fitted model over its range; None where nothing was fitted."""
         part = self.in_fit
         return (self.curve.tau[part], self.fitted[part]) if part.any() else None
 
     def scaled(self, scale: float) -> NoiseModel:
-        """Return the model of data that are as many times as large: averaging times stay."""
+        """Return the model of data multiplied by a factor; averaging times are unchanged."""
         return replace(
             self,
             quantisation=_scaled(self.quantisation, scale),

@@ -1,9 +1,9 @@
-"""Where a filter before the sampling rolls off, found in the spectrum of a record at rest.
+"""Detection of a pre-sampling filter's roll-off in the spectrum of a record at rest.
 
-No sum of quantisation, white noise, flicker and random walk falls faster towards high frequencies than at low ones;
-filtered noise does. The spectrum is averaged over windowed parts of the record (Welch 1967) and over bands.
-The terms are fitted by Whittle's likelihood (1953): as they are and, where they do not describe it, after low-passes
-of several shapes.
+No sum of quantisation, white noise, flicker and random walk falls faster at high frequencies than at low ones;
+low-passed noise does. The spectrum is averaged over windowed segments of the record (Welch 1967) and over bands. The
+terms are fitted by Whittle's likelihood (1953): unfiltered and, where that does not fit, through low-pass filters of
+several shapes.
 """
 
 from __future__ import annotations
@@ -21,26 +21,26 @@ __all__ = ["NEIGHBOURS", "Filter", "parts", "periodogram", "rolloff"]
 _Array: TypeAlias = NDArray[np.float64]
 
 NEIGHBOURS = 1.06 * 1.94
-"""Factor by which overlapping parts and the window make neighbouring bins depend on each other."""
+"""Factor for the correlation of neighbouring bins by overlapping segments and the window."""
 
-_LONGEST, _SHORTEST, _PARTS = 4096, 64, 128  # samples of a part, and how many parts at most
-_PER_RECORD = 16  # parts of a record, without overlap
-_FIRST, _WIDER, _LEAST = 4, 10.0**0.1, 2  # first bin that is used; growth of bands, and their fewest bins
-_CORNERS = 24  # between the lowest bands and nearly half of the rate
-_STEPS = 60  # of fitting levels
-_FITS = 0.01  # probability of a misfit above which terms without a filter are enough
+_LONGEST, _SHORTEST, _PARTS = 4096, 64, 128  # samples per segment, and the most segments
+_PER_RECORD = 16  # segments per record, without overlap
+_FIRST, _WIDER, _LEAST = 4, 10.0**0.1, 2  # first bin used; growth of bands, and their fewest bins
+_CORNERS = 24  # trial corners between the lowest bands and nearly half of the rate
+_STEPS = 60  # of the level fit
+_FITS = 0.01  # probability of a misfit above which no filter is needed
 _GAIN = 16.0  # in -2 ln(likelihood), four standard deviations
-_SHARE = 0.5  # of a misfit that a filter explains, or it is something else
-_CONSTANTS = 5.0  # of the slowest pole, after which 0.7 % of what a filter remembers is left
+_SHARE = 0.5  # least share of a misfit that a filter must explain
+_CONSTANTS = 5.0  # time constants of the slowest pole, after which 0.7 % of a filter's response is left
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Filter:
-    """A low-pass before the sampling.
+    """A low-pass filter before the sampling.
 
     Attributes:
-        corner: where it is 3 dB down, in Hz, to about a third.
-        settling: averaging time in s from which on its shape does not matter.
+        corner: -3 dB frequency in Hz, to within about a third.
+        settling: averaging time in s beyond which its shape does not matter.
     """
 
     corner: float
@@ -48,11 +48,11 @@ class Filter:
 
 
 def rolloff(values: _Array, rate: float) -> Filter | None:
-    """Return the filter that a record at rest shows; None if it shows none or is too short.
+    """Detect a filter in a record at rest; None if there is none or the record is too short.
 
     Args:
         values: evenly spaced rate, shape (n,); NaN marks a missing sample.
-        rate: samples per second.
+        rate: sampling rate [Hz].
     """
     from scipy.special import gammaincc  # noqa: PLC0415 - scipy is slow to import
 
@@ -83,7 +83,7 @@ def rolloff(values: _Array, rate: float) -> Filter | None:
 
 
 def parts(values: _Array) -> _Array:
-    """Return windowed parts of a record without straight lines, spread over it, those without a hole: (k, length).
+    """Return windowed, detrended segments without holes, spread over a record: shape (k, length).
 
     Args:
         values: evenly spaced rate, shape (n,); NaN marks a missing sample.
@@ -102,11 +102,11 @@ def parts(values: _Array) -> _Array:
 
 
 def periodogram(looked: _Array, rate: float) -> _Array:
-    """Return the two-sided density of parts, their mean, shape (length // 2 + 1,).
+    """Return the mean two-sided power density of segments, shape (length // 2 + 1,).
 
     Args:
-        looked: windowed parts, from `parts`.
-        rate: samples per second.
+        looked: windowed segments, from `parts`.
+        rate: sampling rate [Hz].
     """
     scale = rate * float(np.square(np.hanning(looked.shape[1] + 1)[:-1]).sum())
     return np.asarray(np.square(np.abs(np.fft.rfft(looked, axis=1))).mean(axis=0) / scale, dtype=np.float64)
@@ -133,7 +133,7 @@ _KINDS: tuple[tuple[Callable[[_Array], _Array], int], ...] = (
 
 
 def _low_passes(frequency: _Array, corners: _Array, rate: float) -> _Array:
-    """Power that filters of each kind let pass at each corner, shape (kinds * corners, k)."""
+    """Return the power response of filters of each kind at each corner, shape (kinds * corners, k)."""
     angle, corner = np.pi * frequency / rate, np.pi * corners[:, None] / rate
     return np.concatenate([1.0 / (1.0 + (warped(angle) / warped(corner)) ** (2 * order)) for warped, order in _KINDS])
 
@@ -145,14 +145,14 @@ def _over(terms: _Array, edges: NDArray[np.int64]) -> _Array:
 
 
 def _misfits(means: _Array, power: _Array, degrees: _Array) -> _Array:
-    """Return nearly the smallest -2 ln(likelihood) over that of a perfect fit, of many models: shape (models,).
+    """Return approximately the smallest excess of -2 ln(likelihood) over a perfect fit, for many models: (models,).
 
-    Levels of zero or more come from multiplicative updates, which are cheap but slow to settle.
+    Non-negative levels come from multiplicative updates, which are cheap but converge slowly.
 
     Args:
-        means: of the terms over bands, shape (models, bands, 4).
-        power: of the record over bands.
-        degrees: of freedom of each.
+        means: band means of the terms, shape (models, bands, 4).
+        power: band means of the record, shape (bands,).
+        degrees: degrees of freedom of each band, shape (bands,).
     """
     levels = (power[:, None] / means).min(axis=1) / 2.0
     weighted = degrees * power
@@ -165,9 +165,9 @@ def _misfits(means: _Array, power: _Array, degrees: _Array) -> _Array:
 
 
 def _misfit(means: _Array, power: _Array, degrees: _Array) -> float:
-    """Return the smallest -2 ln(likelihood) over that of a perfect fit, with levels of zero or more in one model.
+    """Return the smallest excess of -2 ln(likelihood) over a perfect fit, for one model with non-negative levels.
 
-    Every set of terms is fitted by least squares relative to the model, iterated: maximum likelihood.
+    Every set of terms is fitted by iterated least squares relative to the model, which is maximum likelihood.
     """
     size = (means / power[:, None]).max(axis=0)
     terms = means / power[:, None] / size * _SETS[:, None, :]

@@ -1,4 +1,4 @@
-"""The read-out by nearest slopes: a legacy method, only for comparison with tables that were made with it."""
+"""Nearest-slope read-out of noise coefficients: a legacy method, for comparison with tables made with it."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ _READ = {
     "random_walk": (0.5, 3.0, 1.0, "{}*sqrt(Hz)"),
     "ramp": (1.0, math.sqrt(2.0), 1.0, "{}/s"),
 }
-"""Of each term: slope of the deviation, averaging time of the read-out, what is divided by, unit."""
+"""For each term: slope of the deviation, averaging time of the read-out, divisor, unit."""
 
 
 @traced
 def nearest_slopes(curve: AllanCurve) -> Mapping[str, Figure]:
-    """Return the tangent read-out of a deviation at the averaging times of IEEE Std 952: legacy, not a measurement.
+    """Return the coefficients that tangents to a deviation read at the averaging times of IEEE Std 952 (legacy).
 
-    At the point whose slope to the next one is nearest to that of a term, a line of exactly this slope is drawn through
-    the deviation; it is read at sqrt(3) s (quantisation), 1 s (white noise), anywhere (flicker, over 0.664), 3 s
-    (random walk) and sqrt(2) s (ramp). Every term gets a number, even one that is not in the record; none has an
+    A line with a term's slope is drawn through the point whose slope to the next one is nearest to it; it is read at
+    sqrt(3) s (quantisation), 1 s (white noise), anywhere (flicker, over 0.664), 3 s (random walk) and sqrt(2) s (ramp).
+    This is not a measurement: every term gets a number, even one that is absent from the record, and none has an
     uncertainty. A floor raised by white noise or random walk reads 20 to 30 % too high.
 
     Args:
-        curve: an Allan deviation, with two points above zero or more; with fewer, the numbers are NaN.
+        curve: an Allan deviation with at least two points above zero; with fewer, the numbers are NaN.
     """
     seen = curve.deviation > 0.0
     tau, deviation = np.log(curve.tau[seen]), np.log(curve.deviation[seen])

@@ -1,9 +1,9 @@
 """Overlapping Allan variances of a long record at octaves of the averaging time, in one pass over the data.
 
-Sums over 2 m samples are sums over m, added in pairs, so that no running sum of the record is needed. Beyond an
-averaging factor of STARTS the differences do not begin at each sample but at every m / STARTS-th: neighbours among them
-hold nearly the same samples, and leaving them out costs less than 1 % of the degrees of freedom. The extra memory is a
-sixteenth of the data.
+Sums over 2 m samples are pairwise sums over m, so that no running sum of the record is needed. Beyond an averaging
+factor of STARTS the differences begin not at every sample but at every m / STARTS-th: neighbouring differences share
+nearly all their samples, and omitting them costs less than 1 % of the degrees of freedom. Working memory is a sixteenth
+of the data.
 """
 
 from __future__ import annotations
@@ -22,26 +22,26 @@ __all__ = ["LONG", "STARTS", "compiled", "octaves"]
 _Array: TypeAlias = NDArray[np.float64]
 
 STARTS = 16
-"""Differences that begin within one averaging time."""
+"""Number of differences that begin within one averaging time."""
 
 LONG = 1 << 21
-"""Samples from which not every difference is taken."""
+"""Record length in samples from which not every difference is taken."""
 
-_BLOCK = 1 << 15  # samples that are summed at once: these and their sums stay in the processor's cache
-_FINE = 8  # octaves that are taken from the samples; the others from sums over 2^8 of them, which are a sixteenth
+_BLOCK = 1 << 15  # samples summed at once: these and their sums fit into the processor's cache
+_FINE = 8  # octaves computed from the samples; the others from sums over 2^8 of them, a sixteenth of the data
 _Kernel: TypeAlias = Callable[[_Array, float, _Array, _Array], None]
 
 
 class _Level:
-    """Sums over one averaging factor, in a row that has room for those of a block and for the last of those before.
+    """Sums over one averaging factor, buffered with room for a block and for the last sums of the previous one.
 
     Attributes:
         power: sum of the squared differences so far.
-        count: how many these are.
+        count: number of differences.
     """
 
     def __init__(self, octave: int, *, room: int) -> None:
-        """Take the octave of the averaging factor, and how many sums come at once."""
+        """Take the octave of the averaging factor, and the number of sums that arrive at once."""
         self._lag, self._thinned = min(1 << octave, STARTS), 1 << octave >= STARTS
         self._row = np.empty(room + self._lag)
         self._size = 0
@@ -50,17 +50,17 @@ class _Level:
         self.count = 0
 
     def room(self, count: int) -> _Array:
-        """Return the places of so many sums that follow, to be filled in."""
+        """Return the buffer for the next `count` sums, to be filled in."""
         self._size += count
         return self._row[self._size - count : self._size]
 
     def pairs(self) -> int:
-        """Return how many sums over twice the samples can be made."""
+        """Return the number of sums over twice the samples that can be formed."""
         found = max(0, self._size - self._lag)
         return (found + 1 - self._first % 2) // 2 if self._thinned else found
 
     def pair(self, scratch: _Array, target: _Array) -> None:
-        """Square the differences, write the sums over twice the samples to `target`, and keep the last sums."""
+        """Accumulate squared differences, write the sums over twice the samples to `target`, and keep the last sums."""
         lag, size = self._lag, self._size
         count = size - lag
         if count <= 0:
@@ -78,7 +78,7 @@ class _Level:
 
 
 def _levels(first: int, end: int) -> list[_Level]:
-    """Return levels for octaves from `first` to below `end`."""
+    """Return levels for octaves from `first` up to, not including, `end`."""
     levels, room = [], _BLOCK
     for octave in range(first, end):
         levels.append(_Level(octave, room=room))
@@ -88,7 +88,7 @@ def _levels(first: int, end: int) -> list[_Level]:
 
 
 def _climb(levels: list[_Level], scratch: _Array, top: _Array) -> int:
-    """Pair what the levels hold, from the first to the last, whose sums go to `top`; return how many those are."""
+    """Process the levels from first to last, whose paired sums go to `top`; return the number of those."""
     for level, above in pairwise(levels):
         level.pair(scratch, above.room(level.pairs()))
     count = min(top.size, levels[-1].pairs())
@@ -100,12 +100,12 @@ def octaves(values: _Array, mean: float, count: int) -> tuple[_Array, list[_Arra
     """Return Allan variances at averaging factors 1, 2, 4 and so on, and consecutive averages for each of them.
 
     Model: SP1065 equation 11, summed over every start for m up to STARTS, and over STARTS starts in each m beyond.
-    Averages are sums without the mean, all that the record holds, the first 2^14 where these are more.
+    Averages are mean-free sums, at most the first 2^14.
 
     Args:
         values: evenly spaced, without holes, shape (n,), n at least LONG.
-        mean: of the values.
-        count: of averaging factors, at least 9; the last must be within half of the record.
+        mean: mean of the values.
+        count: number of averaging factors, at least 9; the last must be within half of the record.
     """
     coarse = np.empty((values.size - (1 << _FINE)) * STARTS // (1 << _FINE) + 1)
     powers = np.empty((2, count))
@@ -133,7 +133,7 @@ def _averages(values: _Array, mean: float, coarse: _Array, count: int) -> list[_
 
 
 def _through(sums: _Array, levels: list[_Level]) -> None:
-    """Give sums to the levels in blocks."""
+    """Feed sums to the levels in blocks."""
     scratch, beyond = np.empty(_BLOCK), np.empty(_BLOCK)
     for begin in range(0, sums.size, _BLOCK):
         part = sums[begin : begin + _BLOCK]
@@ -142,7 +142,7 @@ def _through(sums: _Array, levels: list[_Level]) -> None:
 
 
 def _plain(values: _Array, mean: float, coarse: _Array, powers: _Array) -> None:
-    """Fill in the squared differences of the first octaves and their number, and the sums for those that follow."""
+    """Fill in the squared differences of the first octaves and their number, and the sums for the later octaves."""
     levels = _levels(0, _FINE)
     scratch, filled = np.empty(_BLOCK), 0
     for begin in range(0, values.size, _BLOCK):
@@ -160,23 +160,23 @@ def _fine() -> _Kernel:
 
 @cache
 def compiled() -> _Kernel | None:
-    """Return the function for the first octaves if `hil[fast]` is installed and its compiler works, else None."""
+    """Return the compiled kernel of the first octaves if `hil[fast]` is installed and its compiler works, else None."""
     try:
         numba = importlib.import_module("numba")
         options = {"nogil": True, "fastmath": {"reassoc", "contract"}}
         try:
             kernel: _Kernel = numba.njit(cache=True, **options)(_looped)
             kernel(np.arange(1024.0), 0.0, np.empty(49), np.empty((2, _FINE)))
-        except RuntimeError:  # no folder for what was compiled
+        except RuntimeError:  # no cache folder
             kernel = numba.njit(**options)(_looped)
             kernel(np.arange(1024.0), 0.0, np.empty(49), np.empty((2, _FINE)))
-    except Exception:  # noqa: BLE001 - whatever a compiler may find wrong, the plain way works
+    except Exception:  # noqa: BLE001 - whatever fails in the compiler, the plain version works
         return None
     return kernel
 
 
 def _looped(values: _Array, mean: float, coarse: _Array, powers: _Array) -> None:
-    """Do what `_plain` does, in loops that a compiler makes fast; each row of `held` are the sums of one octave."""
+    """Loop version of `_plain` for the compiler; each row of `held` is the sums of one octave."""
     block, octaves = 8192, powers.shape[1]
     held = np.empty((octaves, block + 64))
     sizes = np.zeros(octaves + 1, dtype=np.int64)
@@ -184,7 +184,7 @@ def _looped(values: _Array, mean: float, coarse: _Array, powers: _Array) -> None
     powers[:] = 0.0
     filled = 0
     for begin in range(0, values.size, block):
-        samples = values[begin : begin + block]  # slices throughout: an index that is computed may be negative
+        samples = values[begin : begin + block]  # slices throughout: a computed index may be negative
         row = held[0, sizes[0] : sizes[0] + samples.size]
         for place in range(samples.size):
             row[place] = samples[place] - mean

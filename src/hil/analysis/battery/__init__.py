@@ -1,1 +1,1 @@
-"""Cycles of rechargeable cells: steps, capacity and energy, incremental capacity, fade, and gates that doubt them."""
+"""Cycling of rechargeable cells: steps, capacity and energy, incremental capacity, fade, and plausibility gates."""

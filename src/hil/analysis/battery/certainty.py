@@ -1,7 +1,7 @@
-"""The accuracy of a battery tester: standard uncertainties of the numbers of a cycle.
+"""Measurement uncertainty of a battery tester: standard uncertainties of a cycle's results.
 
-The errors of the tester's meters are taken as constant (their certificate does not say what part of them varies), and
-that of its clock as the measured drift. Sources: JCGM 100:2008 (GUM), 4.3.7 and 5.1.2.
+The errors of the tester's meters are taken as constant (the certificate does not separate a varying part), and the
+error of its clock as the measured drift. Sources: JCGM 100:2008 (GUM), 4.3.7 and 5.1.2.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ __all__ = ["Certainty"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Certainty:
-    """Standard uncertainties of one tester, None if neither its certificate nor its firmware gives them.
+    """Standard uncertainties of one tester; None where neither certificate nor firmware states one.
 
     Attributes:
-        interval: from line to line [s].
-        voltage: of its voltage [V].
-        current: of its current [A].
-        temperature: of its temperature [K].
-        drift: of its clock, as a ratio.
-        drift_uncertainty: of that.
-        current_gain: of the gain of its current, as a ratio.
-        voltage_gain: of the gain of its voltage, as a ratio.
+        interval: time between lines [s].
+        voltage: uncertainty of its voltage [V].
+        current: uncertainty of its current [A].
+        temperature: uncertainty of its temperature [K].
+        drift: relative drift of its clock.
+        drift_uncertainty: uncertainty of that drift.
+        current_gain: relative uncertainty of the gain of its current.
+        voltage_gain: relative uncertainty of the gain of its voltage.
     """
 
     interval: float
@@ -44,18 +44,18 @@ class Certainty:
     @property
     @traced
     def clock(self) -> float | None:
-        """Of its clock, as a ratio: its error, and the uncertainty of that."""
+        """Relative uncertainty of its clock: the drift and the drift's uncertainty combined."""
         return None if self.drift is None else math.hypot(self.drift, self.drift_uncertainty or 0.0)
 
     @traced
     def time(self, seconds: float) -> float | None:
-        """Of a time [s]: a line at each end, anywhere within its interval, and the clock."""
+        """Return the uncertainty of a time [s]: one line interval at each end, and the clock."""
         clock = self.clock
         return None if clock is None else math.hypot(self.interval / math.sqrt(6.0), clock * seconds)
 
     @traced
     def time_to(self, seconds: float, meter: float | None, sensitivity: float) -> float | None:
-        """Of a time [s] to a level: what the meter has too much moves it, by `sensitivity` [s] per unit."""
+        """Return the uncertainty of a time [s] to a level, which a meter error shifts by `sensitivity` [s] per unit."""
         own = self.time(seconds)
         if own is None or meter is None or math.isnan(sensitivity):
             return None
@@ -63,20 +63,20 @@ class Certainty:
 
     @traced
     def end_of(self, half: HalfCycle) -> float | None:
-        """Of the last voltage [V]: the end came after the last line."""
+        """Return the uncertainty of the end voltage [V]: the end came after the last line."""
         if self.voltage is None or math.isnan(half.last_change):
             return None
         return end_uncertainty(self.voltage, half.last_change)
 
     @traced
     def charge(self, half: HalfCycle) -> float | None:
-        """Of a charge [Ah]: what the tester's current has too much, it has all the time, and its gain in all of it."""
+        """Return the uncertainty of a charge [Ah]: constant offset of the current over time, and gain of the whole."""
         offset = self._offset(half)
         return None if offset is None else math.hypot(offset, self.current_gain * half.charge)
 
     @traced
     def energy(self, half: HalfCycle) -> float | None:
-        """Of an energy [Wh]."""
+        """Return the uncertainty of an energy [Wh]."""
         charge = self.charge(half)
         if charge is None or self.voltage is None:
             return None
@@ -85,7 +85,7 @@ class Certainty:
 
     @traced
     def ratio(self, made: Cycle, value: float) -> float | None:
-        """Of an efficiency: an offset of the current adds to one half-cycle what it takes from the other; no gain."""
+        """Return the uncertainty of an efficiency: a current offset acts oppositely in the halves, a gain cancels."""
         halves = [(each, self._offset(each)) for each in (made.charge, made.discharge) if each is not None]
         if any(offset is None for _, offset in halves):
             return None
@@ -96,18 +96,18 @@ class Certainty:
 
     @traced
     def flowed(self, half: HalfCycle) -> tuple[float, float]:
-        """Of charge [Ah] and energy [Wh]: what is known of the meters, and the moments of switching.
+        """Return the uncertainties of charge [Ah] and energy [Wh]: meters and switching instants combined.
 
-        They are independent of each other, and combined as JCGM 100:2008, 5.1.2 says.
+        The two are independent, and are combined by JCGM 100:2008, 5.1.2.
         """
         charge, energy = self.charge(half) or 0.0, self.energy(half) or 0.0
         return math.hypot(charge, half.open_charge), math.hypot(energy, half.open_energy)
 
     @traced
     def efficiencies(self, made: Cycle) -> tuple[float, float]:
-        """Of coulombic and energy efficiency; NaN where one half is missing.
+        """Return the uncertainties of coulombic and energy efficiency; NaN where one half is missing.
 
-        Of the voltage's offset only what both halves do not share counts: their mean voltages are almost the same.
+        Only the part of the voltage offset that the halves do not share counts: their mean voltages are almost equal.
         """
         into, out = made.charge, made.discharge
         if into is None or out is None or not (into.charge > 0 and out.charge > 0):
@@ -130,5 +130,5 @@ class Certainty:
 
     @traced
     def resistance(self, change: float) -> float | None:
-        """Of a resistance [ohm] over a change of current [A]."""
+        """Return the uncertainty of a resistance [ohm] for a change of current [A]."""
         return None if self.voltage is None else math.sqrt(2.0) * self.voltage / abs(change)

@@ -1,4 +1,4 @@
-"""The moments at which the current was switched, from an instrument's own counts."""
+"""Use of an instrument's own charge and energy counters in intervals where the current was switched."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from hil.analysis.battery.steps import Step, StepKind
 
 __all__ = ["Counted", "Net", "counted", "net"]
 
-_SLACK = 0.01  # of what could flow at most: the counter and the rows round
+_SLACK = 0.01  # of the largest possible amount: counter and rows are rounded
 _RESOLUTION = 1e-7  # Ah and Wh
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Counted:
-    """The intervals in which the instrument's count stands in for samples; arrays of shape (n - 1,).
+    """The intervals in which the instrument's counter replaces samples; arrays of shape (n - 1,).
 
     Attributes:
-        used: whether the count is taken in this interval.
-        charge: net Ah of the interval as counted, zero where it is not taken.
-        energy: likewise Wh.
+        used: whether the counter is used in this interval.
+        charge: net charge of the interval as counted [Ah], zero where unused.
+        energy: likewise net energy [Wh].
     """
 
     used: NDArray[np.bool_]
@@ -39,11 +39,11 @@ class Net:
     """Net charge or energy of a whole series.
 
     Attributes:
-        value: trapezoid of the samples, with the instrument's count where the current was switched.
-        samples: trapezoid of the samples alone.
-        counted: the part of `value` that comes from the count.
-        edges: how many intervals that are.
-        open: standard uncertainty that the samples alone leave in these intervals.
+        value: trapezoidal integral of the samples, with the instrument's counter where the current was switched.
+        samples: trapezoidal integral of the samples alone.
+        counted: the part of `value` from the counter.
+        edges: number of those intervals.
+        open: standard uncertainty of the samples alone in those intervals.
     """
 
     value: float
@@ -54,11 +54,11 @@ class Net:
 
 
 def counted(data: Series, steps: Sequence[Step]) -> Counted:
-    """Return what the instrument counted between the last sample of a rest and the first with current, or back.
+    """Return the instrument's count between the last sample of a rest and the first with current, or vice versa.
 
-    Samples alone do not tell when in such an interval the current was switched: anything from nothing to the larger
-    current held throughout may have flowed. A count within these bounds is used; one outside (a counter that restarts
-    with each step, or has the opposite sign) is not.
+    Samples alone do not show when the current was switched within such an interval: anything from nothing to the larger
+    current throughout may have flowed. A count within these bounds is used; one outside (a counter that restarts with
+    each step, or has the opposite sign) is not.
 
     Args:
         data: the samples, with the instrument's own `charge` and `energy`.
@@ -83,13 +83,13 @@ def counted(data: Series, steps: Sequence[Step]) -> Counted:
 def net(data: Series, steps: Sequence[Step], *, energy: bool) -> Net:
     """Return the net charge in Ah of a series, or its net energy in Wh.
 
-    The uncertainty that samples alone leave is that of a switch at any moment of the interval with equal probability:
-    half of what could flow at most, over the square root of three (JCGM 100:2008, 4.3.7), edges in quadrature.
+    The uncertainty of the samples alone is that of a switching instant uniform over the interval: half of the largest
+    possible amount, over the square root of three (JCGM 100:2008, 4.3.7), edges added in quadrature.
 
     Args:
         data: the samples.
         steps: from `segment`.
-        energy: energy, not charge.
+        energy: whether to return energy instead of charge.
     """
     rate = data.current * data.voltage if energy else data.current
     parts = np.diff(data.time) * (rate[:-1] + rate[1:]) / (2.0 * SECONDS_PER_HOUR) * ~data.broken
@@ -106,12 +106,12 @@ def net(data: Series, steps: Sequence[Step], *, energy: bool) -> Net:
 
 
 def _most(data: Series, rate: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return what flows in each interval if the larger of its two rates is held throughout."""
+    """Return the amount per interval if the larger of its two rates flowed throughout."""
     larger = np.where(np.abs(rate[1:]) > np.abs(rate[:-1]), rate[1:], rate[:-1])
     return np.asarray(larger * np.diff(data.time) / SECONDS_PER_HOUR)
 
 
 def _possible(found: float, most: float) -> bool:
-    """Tell whether a count lies between nothing and the most that may have flowed."""
+    """Return whether a count lies between zero and the largest possible amount."""
     forwards = math.copysign(1.0, most) * found
     return -_RESOLUTION <= forwards <= abs(most) * (1.0 + _SLACK) + _RESOLUTION

@@ -1,4 +1,4 @@
-"""Cycles of charge and discharge: efficiencies, rests, resistances, and the throughput of the cell."""
+"""Charge-discharge cycles: efficiencies, rests, resistances, and charge throughput."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ __all__ = [
     "resistances",
 ]
 
-_WHOLE = 0.5  # of the capacity: a discharge that gives less did not begin with a full cell
-_SLACK = 0.1  # V: under load the last sample before the cut-off lies above it by what one interval takes
+_WHOLE = 0.5  # of the capacity: a discharge that yields less did not begin with a full cell
+_SLACK = 0.1  # V: under load the last sample before the cut-off lies above it by the drop over one interval
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,9 +35,9 @@ class Group:
     """The steps of one cycle.
 
     Attributes:
-        number: of the source where it counts them, else from 1; numbered on where a new test starts again.
-        steps: in order, at least one of them charge or discharge.
-        cut: whether the series begins or ends within it, or may lack a part of it, as far as can be determined.
+        number: the source's cycle number, or counted from 1; continued where a new test restarts its count.
+        steps: the steps in order, at least one of them charge or discharge.
+        cut: whether the series begins or ends within it, or may lack a part of it, as far as detectable.
         end: index of the sample at which its time ends: the first of the next cycle, or the last of its stretch.
     """
 
@@ -50,13 +50,13 @@ class Group:
 def groups(data: Series, steps: Sequence[Step], limits: Limits) -> tuple[Group, ...]:
     """Return the steps of each cycle that has a charge or a discharge.
 
-    No cycle goes across stretches. Where a new test counts from 1 again, its numbers continue after the highest before
-    them, so that no two cycles of different tests share a number.
+    No cycle spans stretches. Where a new test restarts its count, numbering continues after the highest number so far,
+    so that cycle numbers are unique across tests.
 
     Args:
         data: the samples.
         steps: from `segment`.
-        limits: levels that show whether a step was ended or cut.
+        limits: levels that show whether a step ended or was cut.
     """
     broken = data.broken
     found = [each for each in _runs(data, steps) if any(step.kind is not StepKind.REST for step in each)]
@@ -89,7 +89,7 @@ def _runs(data: Series, steps: Sequence[Step]) -> Iterator[list[Step]]:
 
 
 def _leading(data: Series, steps: Sequence[Step]) -> dict[int, StepKind]:
-    """Return by test whether charge or discharge came first."""
+    """Return, for each test, whether charge or discharge came first."""
     leading = dict[int, StepKind]()
     for step in steps:
         if step.kind is not StepKind.REST:
@@ -107,7 +107,7 @@ def _begins(data: Series, group: Sequence[Step], step: Step, leading: StepKind |
 
 
 def _is_full_again(data: Series, group: Sequence[Step], step: Step) -> bool:
-    """Tell whether a cell whose charges are not in the log rests as high before a discharge as before the first."""
+    """Return whether the rest voltage before this discharge is as high as before the first (charges not logged)."""
     discharges = [each.first for each in group if each.kind is StepKind.DISCHARGE]
     if step.kind is not StepKind.DISCHARGE or not discharges:
         return False
@@ -115,7 +115,7 @@ def _is_full_again(data: Series, group: Sequence[Step], step: Step) -> bool:
 
 
 def _told(data: Series, step: Step) -> int:
-    """Return the number of the cycle in the middle of a step: at its edges a mark may come a sample early or late."""
+    """Return the cycle number at the middle of a step: at its edges a mark may come a sample early or late."""
     return 0 if data.cycle is None else int(data.cycle[(step.first + step.last) // 2])
 
 
@@ -135,7 +135,7 @@ def _numbers(data: Series, found: Sequence[Sequence[Step]]) -> list[int]:
 
 
 def _begins_cut(data: Series, group: Sequence[Step]) -> bool:
-    """Tell whether a stretch begins within the cycle's first step: the same test had gone on before, unseen."""
+    """Return whether a stretch begins within the cycle's first step: the test was already running, unlogged."""
     first = group[0].first
     if not first or group[0].kind is StepKind.REST or not data.broken[first - 1]:
         return False
@@ -143,9 +143,9 @@ def _begins_cut(data: Series, group: Sequence[Step]) -> bool:
 
 
 def _ends_cut(data: Series, end: Step, limits: Limits) -> bool:
-    """Tell whether a stretch ends within the cycle's last step; only a level that was not reached shows it.
+    """Return whether a stretch ends within the cycle's last step, which only a limit not reached can show.
 
-    Without the level the end of the whole series counts as an end, what another stretch follows as cut.
+    Without that limit, a step at the end of the whole series counts as ended, one followed by another stretch as cut.
     """
     if end.kind is StepKind.REST:
         return False
@@ -162,9 +162,9 @@ class Rest:
     """A step without current.
 
     Attributes:
-        after: what came before it; None if the series begins with it.
-        voltage: of its last sample, in V.
-        duration: s that it lasted; a cell needs an hour or more to settle.
+        after: kind of the step before it; None if the series begins with it.
+        voltage: voltage of its last sample [V].
+        duration: its duration [s]; a cell needs an hour or more to settle.
     """
 
     after: StepKind | None
@@ -174,14 +174,14 @@ class Rest:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Resistance:
-    """Change of voltage over change of current at the edge of a step.
+    """Resistance at the edge of a step: change of voltage over change of current.
 
     Attributes:
-        time: s, of the first sample after the edge.
+        time: time of the first sample after the edge [s].
         before: kind of the step before.
         after: kind of the step after.
-        value: ohm.
-        delay: s between the two samples: the resistance is one that acts within this time, and grows with it.
+        value: the resistance [ohm].
+        delay: time between the two samples [s]: the resistance includes all that acts within it, and grows with it.
     """
 
     time: float
@@ -193,20 +193,20 @@ class Resistance:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cycle:
-    """One charge and one discharge, and the rests with them.
+    """One charge and one discharge with their rests.
 
     Attributes:
-        number: of the source where it counts them, else from 1.
-        start: s, of its first sample.
-        duration: s to the first sample of the next cycle; to the last sample for the last cycle of a stretch.
-        complete: whether it has charge and discharge, is not the part that a series or a stretch of it begins or
-            ends in, as far as can be determined, and has lost nothing to a gap across an edge.
+        number: the source's cycle number, or counted from 1.
+        start: time of its first sample [s].
+        duration: time to the first sample of the next cycle, or to the last sample of its stretch [s].
+        complete: whether it has charge and discharge, is not cut by the beginning or end of a series or stretch, as
+            far as detectable, and has no gap across an edge.
         charge: its charge; None if there is none.
-        discharge: its discharge.
+        discharge: its discharge; None if there is none.
         coulombic_efficiency: charge out over charge in; NaN where one is missing.
-        energy_efficiency: energy out over energy in.
-        rests: in order.
-        resistances: at its edges.
+        energy_efficiency: energy out over energy in; NaN where one is missing.
+        rests: its rests in order.
+        resistances: the resistances at its edges.
     """
 
     number: int
@@ -225,13 +225,13 @@ class Cycle:
 def cycles(data: Series, limits: Limits | None = None, how: Segmentation | None = None) -> tuple[Cycle, ...]:
     """Return the cycles of a series.
 
-    Where the series numbers its cycles these numbers apply, continued where a new test restarts them. Else a cycle
-    begins with each step of the kind that came first in the test, charge or discharge, after one of the other kind.
+    Cycle numbers of the series are used, and continued where a new test restarts its count. Without them a cycle begins
+    with each step of the kind that came first in the test, charge or discharge, after one of the other kind.
 
     Args:
         data: the samples.
-        limits: levels for times to voltage and current.
-        how: how steps are distinguished.
+        limits: voltage and current limits of the test.
+        how: segmentation settings.
     """
     how, limits = how or Segmentation(), limits or Limits()
     steps = segment(data, how)
@@ -246,14 +246,14 @@ def cycles(data: Series, limits: Limits | None = None, how: Segmentation | None 
 
 
 def resistances(data: Series, steps: Sequence[Step], how: Segmentation | None = None) -> tuple[Resistance, ...]:
-    """Return the resistance at each edge between two steps, gaps and edges of little current left out.
+    """Return the resistance at each edge between two steps, without gaps and edges with little change of current.
 
-    R = (V1 - V0) / (I1 - I0), of the last sample before the edge and the first after it.
+    R = (V1 - V0) / (I1 - I0), from the last sample before the edge and the first after it.
 
     Args:
         data: the samples.
         steps: from `segment`.
-        how: `Segmentation.gap` says what is a gap.
+        how: segmentation settings; `gap` defines a gap.
     """
     missing = gaps(data.time, how) | data.broken
     least = 0.1 * float(np.percentile(np.abs(data.current), 95.0))
@@ -276,15 +276,15 @@ def resistances(data: Series, steps: Sequence[Step], how: Segmentation | None = 
 
 
 def comparable(made: Sequence[Cycle], limits: Limits, capacity: float | None) -> tuple[Cycle, ...]:
-    """Return the cycles whose numbers medians and fades are taken from: the complete ones.
+    """Return the cycles that medians and fades are taken from: the complete ones.
 
-    Of a log without any charge these are the discharges that reached the lower limit, if the capacity is known, and
-    gave at least half of it: whether they began with a full cell cannot be determined.
+    In a log without any charge these are the discharges that reached the lower limit and, if the capacity is known,
+    yielded at least half of it: that they began with a full cell cannot be verified further.
 
     Args:
         made: the cycles.
-        limits: of the test.
-        capacity: nominal, in Ah; None if it is not known.
+        limits: limits of the test.
+        capacity: nominal capacity [Ah]; None if unknown.
     """
     if capacity is None or any(each.charge is not None for each in made):
         return tuple(each for each in made if each.complete)
@@ -300,11 +300,11 @@ def comparable(made: Sequence[Cycle], limits: Limits, capacity: float | None) ->
 
 
 def equivalent_full_cycles(made: Sequence[Cycle], capacity: float) -> float:
-    """Return the charge that went through the cell, in and out, over twice its capacity.
+    """Return the equivalent full cycles: charge throughput, in and out, over twice the capacity.
 
     Args:
         made: the cycles.
-        capacity: nominal, in Ah, above zero.
+        capacity: nominal capacity [Ah], above zero.
     """
     halves = [half for each in made for half in (each.charge, each.discharge) if half is not None]
     return sum(half.charge for half in halves) / (2.0 * capacity)

@@ -1,4 +1,4 @@
-"""The change of a quantity over cycles: a slope with its interval, never the difference of two ends."""
+"""Fade of a quantity over cycles: slope with confidence interval, never the difference of two ends."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ _LEAST = 3  # cycles: a slope and one degree of freedom
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EndOfLife:
-    """The cycle at which a fraction of the beginning is left, if the straight line continues.
+    """The cycle at which a fraction of the initial value is left, by linear extrapolation.
 
     Attributes:
-        level: what is left then, in the unit of the quantity.
-        cycle: where the line reaches it; NaN where the slope does not lead there.
-        low: lower end of the interval; NaN if there is none.
+        level: the end-of-life value, in the unit of the quantity.
+        cycle: cycle at which the line reaches it; NaN if it never does.
+        low: lower end of the confidence interval; NaN if there is none.
         high: upper end; infinite where the slope is not significant.
     """
 
@@ -39,18 +39,18 @@ class Fade:
     """A straight line over cycles.
 
     Attributes:
-        slope: change per cycle by least squares, with its standard uncertainty and degrees of freedom.
-        beginning: the line at the first cycle that was taken.
-        low: lower end of the slope's interval.
-        high: its upper end.
-        probability: of such a slope by chance if there is none, two-sided.
-        significant: whether it is below 1 - confidence.
-        robust: the slope by Theil and Sen, the median of the slopes of all pairs.
-        robust_low: lower end of its interval.
-        robust_high: upper end.
-        first_significant: earliest cycle from which on the slope of all cycles so far stays significant; None if never.
-        end_of_life: where the line leads to.
-        confidence: of all intervals.
+        slope: least-squares change per cycle, with its standard uncertainty and degrees of freedom.
+        beginning: value of the line at the first cycle used.
+        low: lower end of the slope's confidence interval.
+        high: upper end of it.
+        probability: two-sided p-value of the slope under no change.
+        significant: whether `probability` is below 1 - confidence.
+        robust: Theil-Sen slope, the median of the slopes of all pairs.
+        robust_low: lower end of its confidence interval.
+        robust_high: upper end of it.
+        first_significant: earliest cycle from which the slope of all cycles so far stays significant; None if never.
+        end_of_life: the extrapolated end of life.
+        confidence: confidence level of all intervals.
     """
 
     slope: Figure
@@ -87,7 +87,7 @@ def fade(
     remaining: float = 0.8,
     confidence: float = 0.95,
 ) -> Fade:
-    """Return the change of a quantity per cycle by least squares and by Theil and Sen.
+    """Return the change of a quantity per cycle, by least squares and by the Theil-Sen estimator.
 
     Least squares: slope b = Sxy / Sxx, u(b) = s / sqrt(Sxx), s^2 = sum of squared residuals / (n - 2), interval by
     Student's t with n - 2 degrees of freedom. Theil and Sen: median of all pairs' slopes, interval by Kendall's
@@ -95,15 +95,15 @@ def fade(
     remaining * beginning, interval by E. C. Fieller's theorem (J. R. Stat. Soc. B 16, 1954).
 
     Args:
-        cycles: numbers of the cycles, shape (n,).
-        values: one for each cycle; those that are not finite are left out.
-        unit: of the values.
-        skip: how many of the first cycles are left out, because a cell settles in them.
-        remaining: fraction of the beginning at which life ends.
-        confidence: of the intervals.
+        cycles: cycle numbers, shape (n,).
+        values: one value per cycle, shape (n,); values that are not finite are left out.
+        unit: unit of the values.
+        skip: number of initial cycles to leave out, because a cell settles in them.
+        remaining: end of life as a fraction of the initial value.
+        confidence: confidence level of the intervals, between 0 and 1.
 
     Raises:
-        Refused: fewer than three cycles are left, or all have one number.
+        Refused: fewer than three cycles are left, or all have the same number.
     """
     from scipy import special  # noqa: PLC0415 - start-up stays light
 
@@ -134,10 +134,10 @@ def fade(
 
 
 def _theil_sen(where: NDArray[np.float64], what: NDArray[np.float64], quantile: float) -> tuple[float, float, float]:
-    """Return the median of the slopes of all pairs, and the ends of its interval (Sen, as `fade` names him).
+    """Return the median of the slopes of all pairs, and the ends of its interval (Sen 1968, see `fade`).
 
     Kendall's statistic has the variance (n (n - 1) (2 n + 5) - sum of t (t - 1) (2 t + 5)) / 18 over the sizes t of
-    groups of equal numbers. SciPy has this in its statistics, whose import takes longer than all of a plan's analysis.
+    groups of ties. SciPy has this in its statistics module, whose import takes longer than a plan's whole analysis.
     """
     apart, change = np.subtract.outer(where, where), np.subtract.outer(what, what)
     slopes = np.sort(change[apart > 0] / apart[apart > 0])
@@ -205,5 +205,5 @@ def _end_of_life(line: _Line, first: float, remaining: float, quantile: float) -
     if root < 0 or square == 0:
         return EndOfLife(level=level, cycle=cycle, low=math.nan, high=math.inf)
     low, high = sorted(first + (-linear + sign * math.sqrt(root)) / square for sign in (-1.0, 1.0))
-    # Where the slope may be zero the interval is what lies outside of the two roots, and is open.
+    # Where the slope may be zero, the interval is outside the two roots, and therefore open.
     return EndOfLife(level=level, cycle=cycle, low=high if square < 0 else low, high=math.inf if square < 0 else high)

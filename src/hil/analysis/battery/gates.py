@@ -1,4 +1,4 @@
-"""Gates of a battery test: conditions on its numbers before anything is concluded from them."""
+"""Gates of a battery test: plausibility checks of its results before any conclusion."""
 
 from __future__ import annotations
 
@@ -15,28 +15,28 @@ from hil.analysis.gates import Gate
 
 __all__ = ["Declared", "Told", "judge", "told", "tripped"]
 
-_INTERVAL = (0.02, 3600.0)  # s: no cycler logs a test faster, and none so slowly
+_INTERVAL = (0.02, 3600.0)  # s: no cycler logs faster, or more slowly
 _SWING = (180.0, 3.6e6)  # s: 20 C and C/1000
-_MILLI = 100.0  # ratio from which a unit is wrong, and not a gain
-_WIDE = 0.8  # V: no cell goes through these without most of its charge
+_MILLI = 100.0  # ratio from which the unit is wrong rather than a gain
+_WIDE = 0.8  # V: swing that takes most of any cell's charge
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Declared:
-    """Prior knowledge of the cell and the test; None if unknown.
+    """Prior knowledge of the cell and the test; None where unknown.
 
     Attributes:
-        capacity: nominal, in Ah.
-        energy: nominal, in Wh.
-        upper: highest voltage allowed, in V.
-        lower: lowest voltage allowed, in V.
-        slack: how far in V beyond these a sample may lie, for the instrument's uncertainty.
-        mean_voltage: between which mean voltages in V the chemistry lies; by default lithium ion with cobalt, nickel
-            or manganese at moderate currents. Lithium iron phosphate needs (3.0, 3.5).
-        coulombic: between which coulombic efficiencies lie.
-        energetic: between which energy efficiencies lie.
-        nominal: between which ratios of measured to nominal lie.
-        elapsed: relative difference of cycles times duration and elapsed time that is accepted.
+        capacity: nominal capacity [Ah].
+        energy: nominal energy [Wh].
+        upper: highest permitted voltage [V].
+        lower: lowest permitted voltage [V].
+        slack: allowance beyond these for the instrument's uncertainty [V].
+        mean_voltage: range of the chemistry's mean voltage [V]; by default lithium ion with cobalt, nickel or manganese
+            at moderate currents. Lithium iron phosphate needs (3.0, 3.5).
+        coulombic: range of plausible coulombic efficiencies.
+        energetic: range of plausible energy efficiencies.
+        nominal: range of plausible ratios of measured to nominal.
+        elapsed: tolerance on cycles times duration against elapsed time, relative.
         runs: whether the log is known to consist of runs with unknown times between them.
     """
 
@@ -55,20 +55,20 @@ class Declared:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Told:
-    """Numbers of a test, computed from samples or read from a published table; NaN where they are missing.
+    """Summary figures of a test, computed from samples or taken from a table; NaN where missing.
 
     Attributes:
-        charge_in: Ah of a charge.
-        charge_out: Ah of a discharge.
-        energy_in: Wh of a charge.
-        energy_out: Wh of a discharge.
-        highest: V, of all samples, also those of rests.
-        lowest: V.
-        duration: s that one cycle lasts.
-        count: how many cycles there were.
-        elapsed: s that the test lasted.
-        interval: usual s between two samples.
-        swing: median s of a charge or discharge through most of the voltages of a cell.
+        charge_in: charge of a charge half-cycle [Ah].
+        charge_out: charge of a discharge [Ah].
+        energy_in: energy of a charge half-cycle [Wh].
+        energy_out: energy of a discharge [Wh].
+        highest: highest voltage of all samples, including rests [V].
+        lowest: lowest voltage of all samples, including rests [V].
+        duration: duration of one cycle [s].
+        count: number of cycles.
+        elapsed: duration of the test [s].
+        interval: typical sampling interval [s].
+        swing: median duration of a charge or discharge over most of a cell's voltage range [s].
     """
 
     charge_in: float = math.nan
@@ -85,11 +85,11 @@ class Told:
 
 
 def told(made: Sequence[Cycle], whole: Sequence[Cycle] | None = None) -> Told:
-    """Return the numbers of a test from its cycles: medians over those that are complete, extremes over all.
+    """Return the summary figures of a test: medians over its complete cycles, extremes over all.
 
     Args:
-        made: the cycles; without a complete one only the extremes are numbers.
-        whole: those that medians are taken from, by default the complete ones.
+        made: the cycles; without a complete one all but the extremes are NaN.
+        whole: the cycles for the medians, by default the complete ones.
     """
     halves = [half for each in made for half in (each.charge, each.discharge) if half is not None]
     extremes = Told(
@@ -112,7 +112,7 @@ def told(made: Sequence[Cycle], whole: Sequence[Cycle] | None = None) -> Told:
 
 
 def judge(numbers: Told, declared: Declared) -> tuple[Gate, ...]:
-    """Return every gate with its finding; where a number or a fact is missing `ok` is None.
+    """Return every gate with its finding; `ok` is None where a figure or a fact is missing.
 
     Args:
         numbers: from `told`, or from a published table.
@@ -122,7 +122,7 @@ def judge(numbers: Told, declared: Declared) -> tuple[Gate, ...]:
 
 
 def tripped(numbers: Told, declared: Declared) -> tuple[Gate, ...]:
-    """Return the gates that the test fails.
+    """Return the gates that trip.
 
     Args:
         numbers: from `told`, or from a published table.
@@ -167,7 +167,7 @@ def _between(name: str, unit: str, value: float, span: tuple[float, float], advi
 
 
 def _sign(numbers: Told) -> Gate:
-    """Return whether a charge lies above a discharge, as it must where current flows through a resistance."""
+    """Return the gate on charge voltage above discharge voltage, as the cell's resistance requires."""
     taken, given = _over(numbers.energy_in, numbers.charge_in), _over(numbers.energy_out, numbers.charge_out)
     if math.isnan(taken) or math.isnan(given):
         return Gate(name="current_sign", channel="", ok=None, reason="not judged: it needs a charge and a discharge")
@@ -192,7 +192,7 @@ def _elapsed(numbers: Told, declared: Declared) -> Gate:
 
 
 def _time_unit(numbers: Told) -> Gate:
-    """Return whether the times may be seconds at all: hours read as seconds would empty a cell in a moment."""
+    """Return the gate on the time unit: hours read as seconds would discharge a cell within moments."""
     found, doubt = [], False
     for value, span, what in (
         (numbers.interval, _INTERVAL, f"samples each {numbers.interval:.3g} s"),

@@ -1,4 +1,4 @@
-"""The figures of one charge or one discharge: capacity, energy, times, and temperatures."""
+"""Results of one charge or discharge: capacity, energy, times and temperatures."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ __all__ = ["Flow", "HalfCycle", "Limits", "end_uncertainty", "first_fall", "firs
 def first_rise(time: NDArray[np.float64], value: NDArray[np.float64], level: float) -> float:
     """Return when a value first reaches a level from below.
 
-    The first crossing counts, even if noise takes the value back below the level. Between the two samples around it the
-    value is interpolated linearly. A value that begins at the level or above it has reached it at once.
+    The first crossing counts, even if noise takes the value back below the level, with linear interpolation between
+    samples. A value that begins at or above the level has reached it at once.
 
     Args:
-        time: in s, not falling, shape (n,).
-        value: at these times.
-        level: in the unit of the value.
+        time: times in s, non-decreasing, shape (n,).
+        value: values at these times, shape (n,).
+        level: level in the unit of the value.
 
     Returns:
-        The time in s, NaN where the level is never reached.
+        The time in s; NaN if the level is never reached.
     """
     above = np.flatnonzero(value >= level)
     if not above.size:
@@ -43,15 +43,15 @@ def first_rise(time: NDArray[np.float64], value: NDArray[np.float64], level: flo
 
 
 def first_fall(time: NDArray[np.float64], value: NDArray[np.float64], level: float) -> float:
-    """Return when a value, having been above a level, first reaches it from above; else as `first_rise`.
+    """Return when a value first reaches a level from above, once it has been above it.
 
-    Samples before the first one above the level do not count. NaN where the value never was
-    above the level.
+    Samples before the first one above the level are the approach and do not count. Otherwise as `first_rise`; NaN if
+    the value never is above the level.
 
     Args:
-        time: in s, not falling, shape (n,).
-        value: at these times.
-        level: in the unit of the value.
+        time: times in s, non-decreasing, shape (n,).
+        value: values at these times, shape (n,).
+        level: level in the unit of the value.
     """
     above = np.flatnonzero(value > level)
     if not above.size:
@@ -61,21 +61,21 @@ def first_fall(time: NDArray[np.float64], value: NDArray[np.float64], level: flo
 
 
 _LAST_V = 0.05
-"""Over these V before its lower limit a voltage says how fast it comes there; beyond the noise of any tester."""
+"""Span in V before the lower limit that gives the voltage's slope there; larger than any tester's noise."""
 
 _LAST_PART = 1.25
-"""From this many times the cut-off on a current says how fast it fades."""
+"""Multiple of the cut-off current below which the current gives its rate of decay."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:
-    """The levels that a test is run between; None if they are not known.
+    """The limits of a test; None where unknown.
 
     Attributes:
-        upper: end of charge, in V.
-        lower: end of discharge, in V.
-        cut_off: magnitude of the current in A at which charging ends.
-        tolerance: the upper voltage counts as reached this far below it, in V, because a supply only approaches it.
+        upper: end-of-charge voltage [V].
+        lower: end-of-discharge voltage [V].
+        cut_off: end-of-charge current, magnitude [A].
+        tolerance: the upper voltage counts as reached this far below it [V], because a supply only approaches it.
     """
 
     upper: float | None = None
@@ -86,17 +86,17 @@ class Limits:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Flow:
-    """What flows in each interval between samples; arrays of shape (n - 1,), none below zero.
+    """Charge and energy in each interval between samples; arrays of shape (n - 1,), non-negative.
 
     Attributes:
-        charge: by kind of step, in Ah.
-        energy: by kind of step, in Wh.
-        open_charge: by kind, standard uncertainty in Ah that the unknown moment of a switch leaves in an interval: any
-            moment of it is as likely (JCGM 100:2008, 4.3.7). Zero where no switch is, or where the instrument counted.
-        open_energy: likewise in Wh.
-        lost: whether the interval is a gap across which the state changed, so that nothing is known of it.
-        broken: whether it lies between two stretches, so that nothing is known of it either.
-        bridged: whether it is a gap within one state, where a straight line replaces the missing samples.
+        charge: by kind of step [Ah].
+        energy: by kind of step [Wh].
+        open_charge: by kind, standard uncertainty [Ah] from the unknown switching instant, uniform over the interval
+            (JCGM 100:2008, 4.3.7). Zero without a switch, or where the instrument counted.
+        open_energy: likewise [Wh].
+        lost: whether the interval is a gap with a change of state, so that its content is unknown.
+        broken: whether it lies between two stretches, so that its content is unknown too.
+        bridged: whether it is a gap within one state, bridged by a straight line.
     """
 
     charge: dict[StepKind, NDArray[np.float64]]
@@ -110,41 +110,41 @@ class Flow:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HalfCycle:
-    """The charge or the discharge of a cycle. What cannot be determined is NaN.
+    """The charge or discharge of a cycle; NaN where a value cannot be determined.
 
     Attributes:
-        start: s after the series' own zero.
-        duration: s from the first sample to the last, rests between its parts not counted.
-        charge: Ah.
-        energy: Wh.
-        open_charge: standard uncertainty of `charge` in Ah that the moments of switching leave.
-        open_energy: likewise of `energy`, in Wh.
-        own_energy: Wh that the instrument itself counted, NaN where it did not.
-        mean_voltage: energy over charge, in V.
-        current: median magnitude in A.
-        cc_time: s at constant current.
-        cc_charge: Ah at constant current.
-        cv_time: s at constant voltage.
-        cv_charge: Ah at constant voltage.
-        time_to_limit: s to the upper voltage of a charge, to the lower of a discharge; first crossing.
-        charge_to_limit: Ah until then, for a discharge the capacity at the cut-off voltage; between two samples on a
-            straight line, as the voltage. NaN where the limit was not reached.
-        energy_to_limit: likewise Wh.
-        time_to_cut_off: s until the current fell below the cut-off; first crossing.
-        limit_sensitivity: by how many s `time_to_limit` of a discharge moves per V of the level, or of an offset of
-            the meter; from the last 0.05 V before it. NaN for a charge.
-        cut_off_sensitivity: by how many s `time_to_cut_off` moves per A; from the last quarter above the cut-off, as
-            of a current that fades exponentially.
-        highest_voltage: V.
-        lowest_voltage: V.
-        last_change: V from the last sample but one to the last; the end, which no sample shows, lies as far beyond the
-            last one at most. NaN where there is one sample only.
-        temperature_low: degC.
-        temperature_high: degC.
-        temperature_mean: degC, over time.
-        temperature_rise: highest less first, in K.
-        bridged_charge: Ah of `charge` that come from straight lines across gaps.
-        gaps: how many gaps lie within or at its ends.
+        start: start time on the series' time axis [s].
+        duration: time from the first sample to the last, without rests between its parts [s].
+        charge: charge [Ah].
+        energy: energy [Wh].
+        open_charge: standard uncertainty of `charge` from the switching instants [Ah].
+        open_energy: likewise of `energy` [Wh].
+        own_energy: energy counted by the instrument itself [Wh], NaN where it did not.
+        mean_voltage: energy over charge [V].
+        current: median magnitude [A].
+        cc_time: time at constant current [s].
+        cc_charge: charge at constant current [Ah].
+        cv_time: time at constant voltage [s].
+        cv_charge: charge at constant voltage [Ah].
+        time_to_limit: time to the upper voltage of a charge, or the lower of a discharge; first crossing [s].
+        charge_to_limit: charge until then [Ah], for a discharge the capacity at the cut-off voltage; linearly
+            interpolated, as the voltage. NaN where the limit was not reached.
+        energy_to_limit: likewise energy [Wh].
+        time_to_cut_off: time until the current fell below the cut-off; first crossing [s].
+        limit_sensitivity: shift of a discharge's `time_to_limit` per change of the level or offset of the meter
+            [s/V]; from the last 0.05 V before it. NaN for a charge.
+        cut_off_sensitivity: shift of `time_to_cut_off` [s/A]; from the last quarter above the cut-off, for an
+            exponentially decaying current.
+        highest_voltage: highest voltage [V].
+        lowest_voltage: lowest voltage [V].
+        last_change: change of voltage between the last two samples [V]; the unsampled end lies at most that far
+            beyond the last one. NaN where there is only one sample.
+        temperature_low: lowest temperature [degC].
+        temperature_high: highest temperature [degC].
+        temperature_mean: time-weighted mean temperature [degC].
+        temperature_rise: highest minus first temperature [K].
+        bridged_charge: part of `charge` from straight lines across gaps [Ah].
+        gaps: number of gaps within it or at its ends.
     """
 
     start: float
@@ -178,11 +178,11 @@ class HalfCycle:
 
 
 def flow(data: Series, steps: Sequence[Step], how: Segmentation | None = None) -> Flow:
-    """Return what flows in each interval, each part given to the kind of step that it belongs to.
+    """Return charge and energy of each interval, attributed to the kind of its step.
 
-    The interval between two steps lies in both; the trapezoid across it is right on average, because the switch may
-    have come at any moment of it. Where the instrument counted charge and energy itself, its count stands for such an
-    interval between rest and current.
+    The interval between two steps belongs to both; the trapezoid across it is unbiased, because the switching instant
+    is uniform over it. Where the instrument counted charge and energy itself, its count replaces such an interval
+    between rest and current.
 
     Args:
         data: the samples.
@@ -216,17 +216,17 @@ def flow(data: Series, steps: Sequence[Step], how: Segmentation | None = None) -
 
 
 def _open(time: NDArray[np.float64], rate: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the standard uncertainty of what flowed in each interval if it was switched at any moment of it."""
+    """Return the standard uncertainty of the amount in each interval for a switching instant uniform over it."""
     most = np.clip(np.maximum(rate[:-1], rate[1:]), 0.0, None) * np.diff(time) / SECONDS_PER_HOUR
     return np.asarray(most / math.sqrt(12.0))
 
 
 def half_cycle(data: Series, steps: Sequence[Step], flows: Flow, limits: Limits) -> HalfCycle:
-    """Return the figures of one or more steps of one kind, charge or discharge.
+    """Return the results of one or more steps of one kind, charge or discharge.
 
     Args:
         data: the samples.
-        steps: of one kind, in order, at least one.
+        steps: at least one step, all of one kind, in order.
         flows: from `flow`.
         limits: levels for the crossing times.
     """
@@ -273,20 +273,20 @@ def half_cycle(data: Series, steps: Sequence[Step], flows: Flow, limits: Limits)
 
 @traced
 def end_uncertainty(meter: float, last_change: float) -> float:
-    """Return the standard uncertainty in V of the voltage at the end of a half-cycle, which no sample shows.
+    """Return the standard uncertainty in V of the end voltage of a half-cycle, which lies after the last sample.
 
-    The end lies after the last sample, by a change of voltage that is at most `last_change` and as likely anywhere up
-    to it: JCGM 100:2008, 4.3.7, with that as the half-width.
+    The voltage changes after the last sample by at most `last_change`, uniformly distributed: JCGM 100:2008, 4.3.7,
+    with that as the half-width.
 
     Args:
-        meter: standard uncertainty of the meter, in V.
-        last_change: of `HalfCycle`, in V.
+        meter: standard uncertainty of the meter [V].
+        last_change: `HalfCycle.last_change` [V].
     """
     return math.hypot(meter, last_change / math.sqrt(3.0))
 
 
 def _own(data: Series, parts: NDArray[np.int64], flows: Flow) -> float:
-    """Return what the instrument counted in these intervals; the sign of its count may be either."""
+    """Return the instrument's count over these intervals, whichever sign it counts with."""
     if data.energy is None:
         return math.nan
     counted_there = np.diff(data.energy)[parts[~flows.broken[parts]]]
@@ -294,13 +294,13 @@ def _own(data: Series, parts: NDArray[np.int64], flows: Flow) -> float:
 
 
 def _intervals(data: Series, steps: Sequence[Step]) -> NDArray[np.int64]:
-    """Return the intervals within the steps and those at their ends, each once."""
+    """Return the indices of the intervals within the steps and at their ends, without duplicates."""
     ranges = [np.arange(max(step.first - 1, 0), min(step.last + 1, data.time.size - 1)) for step in steps]
     return np.unique(np.concatenate(ranges)).astype(np.int64)
 
 
 def _elapsed(data: Series, steps: Sequence[Step]) -> NDArray[np.float64]:
-    """Return for each sample the time that the steps have lasted so far, what lies between them left out."""
+    """Return for each sample the accumulated duration of the steps, without the time between them."""
     passed, parts = 0.0, []
     for step in steps:
         part = data.time[step.first : step.last + 1]
@@ -321,7 +321,7 @@ def _constant_voltage(data: Series, steps: Sequence[Step], flows: Flow) -> tuple
 def _time_to_limit(
     kind: StepKind, elapsed: NDArray[np.float64], voltage: NDArray[np.float64], limits: Limits
 ) -> tuple[float, float]:
-    """Return when the voltage first reached its limit, and for a discharge by how many s that moves per V."""
+    """Return when the voltage first reached its limit, and for a discharge the sensitivity of that time in s/V."""
     if kind is StepKind.CHARGE:
         upper = limits.upper
         return math.nan if upper is None else first_rise(elapsed, voltage, upper - limits.tolerance), math.nan
@@ -338,7 +338,7 @@ def _until(
     parts: NDArray[np.int64],
     flowing: NDArray[np.float64],
 ) -> float:
-    """Return what has flowed until a moment of the steps, in Ah or Wh."""
+    """Return the charge or energy up to an instant of the steps, in Ah or Wh."""
     first = int(parts[0]) if parts.size else steps[0].first
     own = np.zeros(steps[-1].last - first)
     inside = parts[parts < steps[-1].last]
@@ -351,10 +351,10 @@ def _until(
 def _time_to_cut_off(
     data: Series, steps: Sequence[Step], flows: Flow, elapsed: NDArray[np.float64], limits: Limits
 ) -> tuple[float, float]:
-    """Return when a charge's current first fell below the cut-off, and by how many s that moves per A.
+    """Return when a charge's current first fell below the cut-off, and the sensitivity of that time in s/A.
 
-    It is at the latest between its last sample and the next. A cycler that opens its relay at the cut-off may show no
-    sample below it. A charge that was broken off well above the cut-off did not reach it.
+    At the latest this is between the last sample and the next: a cycler that opens its relay at the cut-off may log no
+    sample below it. A charge aborted well above the cut-off did not reach it.
     """
     if steps[0].kind is not StepKind.CHARGE or limits.cut_off is None:
         return math.nan, math.nan
@@ -373,7 +373,7 @@ def _time_to_cut_off(
 def _warmth(
     data: Series, samples: NDArray[np.int64], elapsed: NDArray[np.float64]
 ) -> tuple[float, float, float, float]:
-    """Return lowest, highest, mean over time, and rise."""
+    """Return lowest, highest and time-weighted mean temperature in degC, and the rise in K."""
     if data.temperature is None:
         return math.nan, math.nan, math.nan, math.nan
     kept = can_be_warm(data.temperature[samples])

@@ -1,4 +1,4 @@
-"""Incremental capacity dQ/dV: the distribution of a cell's charge over voltage."""
+"""Incremental capacity dQ/dV: distribution of a cell's charge over voltage."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from hil.model.errors import Refused
 
 __all__ = ["IncrementalCapacity", "Peak", "incremental_capacity"]
 
-_MOST = 1_000_000  # steps of a grid
+_MOST = 1_000_000  # grid steps
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -20,9 +20,9 @@ class Peak:
     """A peak of dQ/dV.
 
     Attributes:
-        voltage: V, to a fraction of the grid by a parabola through three points.
-        height: Ah/V.
-        prominence: Ah/V above the higher of the two valleys beside it.
+        voltage: voltage [V], interpolated within the grid by a parabola through three points.
+        height: height [Ah/V].
+        prominence: height above the higher of the two adjacent valleys [Ah/V].
     """
 
     voltage: float
@@ -32,12 +32,12 @@ class Peak:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IncrementalCapacity:
-    """Charge per volt over the voltage.
+    """Charge per volt over voltage.
 
     Attributes:
-        voltage: V, evenly spaced.
-        density: dQ/dV at these voltages, in Ah/V, for a discharge as for a charge above zero.
-        peaks: from the lowest voltage to the highest.
+        voltage: evenly spaced voltages [V], shape (k,).
+        density: dQ/dV at these voltages [Ah/V], positive for charge and discharge, shape (k,).
+        peaks: peaks in ascending order of voltage.
     """
 
     voltage: NDArray[np.float64]
@@ -45,7 +45,7 @@ class IncrementalCapacity:
     peaks: tuple[Peak, ...]
 
     def drawn(self, kind: StepKind) -> NDArray[np.float64]:
-        """Return the density as charts have it: below zero for a discharge, so that it does not cover the charge."""
+        """Return the density for plotting, shape (k,): negative for a discharge, so as not to overlap the charge."""
         return -self.density if kind is StepKind.DISCHARGE else self.density
 
 
@@ -54,20 +54,20 @@ def incremental_capacity(
 ) -> IncrementalCapacity:
     """Return dQ/dV of one charge or discharge at constant current.
 
-    The samples' shares of charge are sorted by voltage and summed, which gives a Q(V) that never falls however noisy or
-    coarse the voltage is; samples of one voltage count as one at the middle of their charge. Q is taken on an even grid
-    of V and differentiated by a polynomial of third order in a moving window (A. Savitzky and M. J. E. Golay, Anal.
-    Chem. 36, 1964). At C/2 the resistance moves peaks by I R; C/20 shows them where they are.
+    The samples' charge increments are sorted by voltage and summed, which gives a monotone Q(V) however noisy or coarse
+    the voltage; samples of equal voltage count as one at the middle of their charge. Q is interpolated to an even grid
+    of V and differentiated by a third-order polynomial in a moving window (A. Savitzky and M. J. E. Golay, Anal. Chem.
+    36, 1964). At C/2 the resistance shifts peaks by I R; C/20 shows their true positions.
 
     Args:
-        voltage: in V, shape (n,), without the part at constant voltage.
-        charge: in Ah since the beginning, not falling, shape (n,).
-        step: of the grid, in V.
-        window: of the polynomial, in V; peaks that are narrower are lowered.
+        voltage: voltages in V, shape (n,), without the constant-voltage part.
+        charge: cumulative charge in Ah, non-decreasing, shape (n,).
+        step: grid step [V].
+        window: width of the polynomial window [V]; narrower peaks are lowered.
         prominence: least prominence of a peak, as a fraction of the highest density.
 
     Raises:
-        Refused: the voltage covers too few steps of the grid for one window, or far too many.
+        Refused: the voltage range covers too few grid steps for one window, or far too many.
     """
     from scipy import signal  # noqa: PLC0415 - start-up stays light
 
@@ -94,7 +94,7 @@ def incremental_capacity(
 def _rising(
     voltage: NDArray[np.float64], charge: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return rising voltages and the charge that was taken up to the middle of each."""
+    """Return ascending voltages, and the cumulative charge up to the middle of each."""
     increments = np.diff(charge)
     shares = np.zeros(charge.size)
     shares[:-1] += increments / 2.0

@@ -1,4 +1,4 @@
-"""Charge and energy by the trapezoid on the true times of the samples."""
+"""Charge and energy by trapezoidal integration over the true sample times."""
 
 from __future__ import annotations
 
@@ -11,34 +11,34 @@ __all__ = ["cumulative", "one_way"]
 
 
 def one_way(time: NDArray[np.float64], rate: NDArray[np.float64], sign: int) -> NDArray[np.float64]:
-    """Return what flows in one direction during each interval between samples.
+    """Return the amount that flows in one direction during each interval between samples.
 
-    The rate is taken as a straight line between two samples. Where it changes its sign within an interval only the
-    part on the asked side of zero counts, so that no charge cancels against discharge:
+    The rate is linear between two samples. Where it changes sign within an interval, only the part on the requested
+    side of zero counts, so that charge does not cancel discharge:
     int max(s r, 0) dt = dt/2 r1^2 / |r1 - r0| for the side that r1 is on.
 
     Args:
-        time: in s, not falling, shape (n,).
-        rate: current in A, or power in W, at these times.
-        sign: 1 for what is above zero, -1 for what is below, as a positive number.
+        time: times in s, non-decreasing, shape (n,).
+        rate: current in A, or power in W, at these times, shape (n,).
+        sign: 1 for the positive part, -1 for the magnitude of the negative part.
 
     Returns:
-        Shape (n - 1,), in Ah for A and Wh for W, not below zero.
+        Shape (n - 1,), in Ah for A and Wh for W, non-negative.
     """
     signed = sign * rate
     first, second = signed[:-1], signed[1:]
     above, below = np.maximum(first, 0.0) + np.maximum(second, 0.0), np.abs(second - first)
     crossing = first * second < 0
-    # Of a line that crosses zero only the share above / below of the interval lies on the asked side.
+    # For a line that crosses zero, only this share of the interval lies on the requested side.
     share = np.where(crossing, above / np.where(crossing, below, 1.0), 1.0)
     return np.asarray(np.diff(time) * above * share / (2.0 * SECONDS_PER_HOUR))
 
 
 def cumulative(parts: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the sum of the parts up to each sample, beginning with zero.
+    """Return the cumulative sum of the parts at each sample, starting at zero.
 
     Args:
-        parts: one for each interval between samples, shape (n - 1,).
+        parts: amount in each interval between samples, shape (n - 1,).
 
     Returns:
         Shape (n,).

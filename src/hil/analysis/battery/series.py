@@ -1,4 +1,4 @@
-"""Voltage and current of a cell over time, as the analyses of batteries take them."""
+"""Time series of a cell's voltage and current, the input of the battery analyses."""
 
 from __future__ import annotations
 
@@ -14,28 +14,28 @@ __all__ = ["SECONDS_PER_HOUR", "Series", "can_be_warm", "series", "usual_interva
 
 SECONDS_PER_HOUR = 3600.0
 
-_WARMTH = (-60.0, 120.0)  # degC: no cell is tested beyond these, but an open or shorted sensor reads so
+_WARMTH = (-60.0, 120.0)  # degC: no cell is tested beyond these; an open or shorted sensor reads so
 
 _LEAST = 3  # samples
 _LARGEST = {"time": 1e15, "voltage": 1e7, "current": 1e9, "cycle": 1e15}
-"""In s, V and A: beyond any test in any unit, and far below where a square is no number."""
+"""Largest accepted values in s, V and A: beyond any test in any unit, and far below overflow of a square."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Series:
-    """Samples of one cell, in the order in which they were taken.
+    """Samples of one cell in order of time; arrays of shape (n,).
 
     Attributes:
-        time: in s, not falling; shape (n,).
-        voltage: at the cell, in V.
-        current: in A, positive where it charges the cell.
-        temperature: in degC, or None if it was not recorded.
-        cycle: number of the cycle that each sample belongs to, or None if the source does not count them.
-        charge: net charge in Ah counted by the instrument itself at each sample, None if it reports none.
-        energy: likewise net energy, in Wh.
-        test: number of the test that each sample belongs to, None if there is one; tests follow on each other.
-        stretch: number of the stretch of each sample, None if the series is one; between two stretches the time is
-            not known, and no step goes across.
+        time: time [s], non-decreasing.
+        voltage: voltage at the cell [V].
+        current: current [A], positive for charging.
+        temperature: temperature [degC], None if not recorded.
+        cycle: cycle number, None if the source does not count cycles.
+        charge: the instrument's own net charge counter [Ah], None if it has none.
+        energy: likewise net energy [Wh].
+        test: test number, None for a single test; tests are consecutive.
+        stretch: stretch number, None for a single stretch; the time between two stretches is unknown, and no step
+            spans them.
     """
 
     time: NDArray[np.float64]
@@ -56,12 +56,12 @@ class Series:
         return np.asarray(np.diff(self.stretch) != 0)
 
     def test_of(self, place: int) -> int:
-        """Return the number of the test that a sample belongs to, 0 where there is one."""
+        """Return the test number of a sample, 0 for a single test."""
         return 0 if self.test is None else int(self.test[place])
 
 
 def can_be_warm(temperature: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return which temperatures in degC are plausible for a cell; one that is not a number is not."""
+    """Return the mask of temperatures in degC that are plausible for a cell, of their shape; False for NaN."""
     return np.asarray((temperature >= _WARMTH[0]) & (temperature <= _WARMTH[1]))
 
 
@@ -78,23 +78,23 @@ def series(  # noqa: PLR0913 - one argument per column
     test: ArrayLike | None = None,
     stretch: ArrayLike | None = None,
 ) -> Series:
-    """Return samples as a series; those with a time, voltage, current or cycle that is not a number are left out.
+    """Return samples as a series, without those whose time, voltage, current or cycle is not finite.
 
-    A temperature or a charge or energy as counted that is not a number stays: only reports about it leave it out.
+    A sample whose temperature or counted charge or energy is not finite is kept: only results based on those skip it.
 
     Args:
-        time: in s, shape (n,).
-        voltage: in V, as long as the time.
-        current: in A, positive where it charges.
-        temperature: in degC.
-        cycle: numbers of cycles.
-        charge: the instrument's own count, in Ah.
-        energy: likewise, in Wh.
-        test: numbers of tests.
-        stretch: numbers of stretches.
+        time: times in s, shape (n,), as all others.
+        voltage: voltages in V.
+        current: currents in A, positive for charging.
+        temperature: temperatures in degC.
+        cycle: cycle numbers.
+        charge: the instrument's own charge counter [Ah].
+        energy: likewise energy [Wh].
+        test: test numbers.
+        stretch: stretch numbers.
 
     Raises:
-        Refused: arrays of different lengths, fewer than three samples, times that go back, numbers that cannot be.
+        Refused: arrays of different lengths, fewer than three samples, times that go back, or impossible values.
     """
     rows = [np.asarray(each, dtype=float) for each in (time, voltage, current)]
     given = (temperature, cycle, charge, energy, test, stretch)
@@ -135,7 +135,7 @@ def series(  # noqa: PLR0913 - one argument per column
 
 
 def usual_interval(time: NDArray[np.float64]) -> float:
-    """Return the median of the intervals above zero between samples, in s; zero if there are none."""
+    """Return the median of the positive intervals between samples in s; zero if there are none. `time` is (n,) in s."""
     steps = np.diff(time)
     steps = steps[steps > 0]
     return float(np.median(steps)) if steps.size else 0.0

@@ -1,4 +1,4 @@
-"""Gates on single rows, half-cycles and cycles, and on the log as a whole: what medians do not show."""
+"""Gates on single rows, half-cycles and cycles, and on the log as a whole, which medians hide."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from hil.analysis.gates import Gate
 __all__ = ["judge_singles", "judge_states"]
 
 _COULOMBIC = (0.95, 1.02)  # of one cycle; wider than that of the median
-_OWN = 0.01  # share by which trapezoid and the instrument's own energy may differ
-_SMALL = 0.1  # of the largest half-cycle's energy: below it one interval at an edge is too large a share
-_LEAST = 1e-6  # A: no cell is tested with less
-_MOST = 100.0  # A: no cell of a small satellite takes so much
-_STEEP = 10.0  # times the usual change from sample to sample of its step by which a single row may stand out
-_SHARE = 0.1  # of the step's current by which it may
-_FAINT = 0.02  # of the usual current by which it may in any step: in a rest the last digit comes and goes
-_BACK, _BACK_SHARE = 0.5, 0.15  # V, and of the highest voltage: so far no change of current within a step takes it
-_HOT = 65.0  # degC that half of a test exceeds: no cell is cycled so hot, and 18 degC in °F are above
-_NAMED = 3  # of those that are doubted, the first
+_OWN = 0.01  # tolerated relative difference of integrated energy and the instrument's counter
+_SMALL = 0.1  # of the largest half-cycle's energy: below it one edge interval is too large a share
+_LEAST = 1e-6  # A: no cell is tested at less
+_MOST = 100.0  # A: more than any cell of a small satellite
+_STEEP = 10.0  # allowed outlier of a single row, in multiples of its step's typical change between samples
+_SHARE = 0.1  # and as a share of the step's current
+_FAINT = 0.02  # and as a share of the typical current, in any step: in a rest the last digit toggles
+_BACK, _BACK_SHARE = 0.5, 0.15  # V, and share of the highest voltage: more than a change of current causes
+_HOT = 65.0  # median temperature in degC: no cell is cycled so hot, and 18 degC in °F is above
+_NAMED = 3  # suspect items listed by number
 
 
 def judge_singles(
@@ -38,8 +38,8 @@ def judge_singles(
         data: the samples.
         steps: from `segment`.
         made: from `cycles`.
-        capacity: nominal, in Ah; None if it is not known.
-        runs: whether the log is said to consist of runs.
+        capacity: nominal capacity [Ah]; None if unknown.
+        runs: whether the log is declared to consist of runs.
     """
     return (
         _one_stretch(data, runs=runs),
@@ -68,10 +68,10 @@ def _rows(data: Series, steps: Sequence[Step], made: Sequence[Cycle], capacity: 
 
 
 def judge_states(rows: NDArray[np.int64] | None) -> Gate:
-    """Return whether the current flows as the state of its row says.
+    """Return the gate on agreement of current and logged state.
 
     Args:
-        rows: of the log, counted from 0, where it does not; None if no state was logged.
+        rows: indices of the disagreeing rows of the log; None if no state was logged.
     """
     if rows is None:
         return _gate("state", None, "not judged: no state was logged")
@@ -83,7 +83,7 @@ def judge_states(rows: NDArray[np.int64] | None) -> Gate:
 
 
 def _direction(data: Series, steps: Sequence[Step], made: Sequence[Cycle]) -> Gate:
-    """Return whether the voltage goes the way of the current in each step: an unsigned current goes one way only."""
+    """Return the gate on voltage following the current's sign in each step, which an unsigned current violates."""
     against = list[tuple[int, str]]()
     for step in steps:
         part = data.voltage[step.first : step.last + 1]
@@ -129,9 +129,9 @@ def _one_stretch(data: Series, *, runs: bool) -> Gate:
 
 
 def _one_alternation(data: Series, steps: Sequence[Step], made: Sequence[Cycle]) -> Gate:
-    """Return whether charge and discharge follow each other once in each cycle that the log numbers.
+    """Return the gate on one charge and one discharge in each cycle numbered by the log.
 
-    Steps of little charge, such as the pulses of a resistance test, are left out.
+    Steps with little charge, such as the pulses of a resistance test, are ignored.
     """
     name = "one_alternation"
     if data.cycle is None or not made:
@@ -210,7 +210,7 @@ def _warmth(data: Series, made: Sequence[Cycle]) -> Gate:
 
 
 def _fever(temperature: NDArray[np.float64]) -> Gate:
-    """Trip where a cell is hotter for half of the test than cells are cycled at."""
+    """Trip where the cell is hotter for half of the test than cells are ever cycled."""
     middle = float(np.nanmedian(temperature)) if np.isfinite(temperature).any() else 0.0
     if middle <= _HOT:
         return _gate("temperature", True, "all between -60 and 120 degC")
@@ -241,9 +241,9 @@ def _stray_rows(data: Series, steps: Sequence[Step], made: Sequence[Cycle]) -> G
 
 
 def _holding(data: Series, made: Sequence[Cycle], rows: NDArray[np.int64]) -> list[int]:
-    """Return the numbers of the cycles that hold these rows; none where a row lies in no cycle.
+    """Return the numbers of the cycles that contain these rows, empty if any row is in no cycle.
 
-    The row at which a cycle ends is the next one's, where there is one.
+    The row at which a cycle ends belongs to the next one, if there is one.
     """
     times = data.time[rows]
     places = np.searchsorted([each.start for each in made], times, side="right") - 1
@@ -254,7 +254,7 @@ def _holding(data: Series, made: Sequence[Cycle], rows: NDArray[np.int64]) -> li
 
 
 def _standing_out(part: NDArray[np.float64], least: float, share: float) -> NDArray[np.int64]:
-    """Return the places within a step whose value leaves that of both neighbours by more than noise takes it."""
+    """Return the indices within a step whose value differs from both neighbours by more than noise explains."""
     if part.size < 5:
         return np.zeros(0, dtype=np.int64)
     changes = np.abs(np.diff(part))
@@ -268,7 +268,7 @@ def _standing_out(part: NDArray[np.float64], least: float, share: float) -> NDAr
 
 
 def _usual(data: Series) -> float:
-    """Return a current [A] that is not exceeded but by few rows."""
+    """Return a current [A] that few rows exceed."""
     return float(np.percentile(np.abs(data.current), 95.0))
 
 

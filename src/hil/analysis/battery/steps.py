@@ -1,4 +1,4 @@
-"""Charge, discharge and rest, distinguished by the current."""
+"""Segmentation of a series into charge, discharge and rest by its current."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["Segmentation", "Step", "StepKind", "gaps", "segment"]
 
 
 class StepKind(StrEnum):
-    """What the current does to the cell."""
+    """Kind of a step, by its current."""
 
     CHARGE = "charge"
     DISCHARGE = "discharge"
@@ -27,15 +27,15 @@ _KINDS = {1: StepKind.CHARGE, -1: StepKind.DISCHARGE, 0: StepKind.REST}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Segmentation:
-    """How steps are distinguished.
+    """Segmentation settings.
 
     Attributes:
-        rest_current: magnitude in A below which the cell rests; None takes 1 % of the largest usual current.
-        hysteresis: a rest ends only beyond this multiple of it, so that ripple about the threshold makes no steps.
-        shortest: runs of fewer samples between two runs of one kind belong to these: a glitch, not a step.
-        gap: an interval of more than this many usual ones is a gap.
-        taper: relative fall of the current below its constant value at which constant voltage begins.
-        plateau: largest change of voltage in V during constant voltage; leads between supply and cell make it rise.
+        rest_current: magnitude of the current [A] below which the cell rests; None for 1 % of the largest typical one.
+        hysteresis: multiple of it above which a rest ends, so that ripple about the threshold makes no steps.
+        shortest: shortest step in samples; a shorter run between two runs of one kind is a glitch and joins them.
+        gap: an interval of more than this many typical intervals is a gap.
+        taper: relative drop of the current below its constant value at which constant voltage begins.
+        plateau: largest change of voltage during constant voltage [V]; lead resistance makes it rise.
     """
 
     rest_current: float | None = None
@@ -47,13 +47,13 @@ class Segmentation:
 
 
 class Step(NamedTuple):
-    """A run of samples in one state; both ends belong to it.
+    """A run of samples in one state, both ends included.
 
     Attributes:
-        kind: what the current does.
+        kind: charge, discharge or rest.
         first: index of the first sample.
         last: index of the last sample.
-        cv: index of the first sample under constant voltage, None if there is no such part.
+        cv: index of the first sample at constant voltage, None if there is none.
     """
 
     kind: StepKind
@@ -63,11 +63,11 @@ class Step(NamedTuple):
 
 
 def segment(data: Series, how: Segmentation | None = None) -> tuple[Step, ...]:
-    """Return the steps of a series in order; every sample belongs to exactly one, and none goes across stretches.
+    """Return the steps of a series in order; every sample belongs to exactly one, and none spans stretches.
 
     Args:
-        data: the samples, at intervals that may vary.
-        how: thresholds, by default those of `Segmentation`.
+        data: the samples, not necessarily evenly spaced.
+        how: segmentation settings, by default those of `Segmentation`.
     """
     how = how or Segmentation()
     threshold = _threshold(data.current, how)
@@ -82,11 +82,11 @@ def segment(data: Series, how: Segmentation | None = None) -> tuple[Step, ...]:
 
 
 def gaps(time: NDArray[np.float64], how: Segmentation | None = None) -> NDArray[np.bool_]:
-    """Return for each interval between samples whether it is a gap.
+    """Return the mask of intervals between samples that are gaps.
 
     Args:
-        time: in s, shape (n,).
-        how: `Segmentation.gap` says how many usual intervals make a gap.
+        time: times in s, shape (n,).
+        how: segmentation settings; `gap` is the number of typical intervals that make a gap.
 
     Returns:
         Shape (n - 1,).
@@ -103,14 +103,14 @@ def _threshold(current: NDArray[np.float64], how: Segmentation) -> float:
 
 
 def _states(current: NDArray[np.float64], threshold: float, hysteresis: float) -> NDArray[np.int64]:
-    """Return 1, -1 or 0 for each sample; between the thresholds the state before holds on."""
+    """Return 1, -1 or 0 for each sample; between the thresholds the previous state is kept."""
     magnitude = np.abs(current)
     sure = (magnitude > hysteresis * threshold) | (magnitude <= threshold)
     sure[0] = True
     signs = np.where(magnitude > threshold, np.sign(current), 0.0).astype(np.int64)
     places = np.maximum.accumulate(np.where(sure, np.arange(current.size), 0))
     held = signs[places]
-    # Anyone who falls back through zero between the thresholds has the other sign, and is not held.
+    # A current that crosses zero between the thresholds changes sign, and is not kept.
     return np.where((held != 0) & (held * current < 0), signs, held)
 
 
@@ -129,7 +129,7 @@ def _step(data: Series, state: int, first: int, last: int, how: Segmentation) ->
 
 
 def _constant_voltage(data: Series, first: int, last: int, how: Segmentation) -> int | None:
-    """Return where the current leaves its constant value for good while the voltage stays."""
+    """Return the index at which the current leaves its constant value for good while the voltage stays constant."""
     magnitude = _running_median(np.abs(data.current[first : last + 1]))
     high = float(np.percentile(magnitude, 80.0))
     constant = float(np.median(magnitude[magnitude >= 0.9 * high]))

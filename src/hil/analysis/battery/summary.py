@@ -1,4 +1,4 @@
-"""A whole battery test in one call: cycles, fade, incremental capacity, and gates."""
+"""Analysis of a whole battery test in one call: cycles, fade, incremental capacity and gates."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from hil.analysis.gates import Gate
 from hil.analysis.tracing import traced
 from hil.model.errors import Refused
 
-_LEAST = 3  # cycles of a fade
+_LEAST = 3  # cycles needed for a fade
 
 __all__ = ["FADING", "Summary", "incremental_capacities", "summarise"]
 
@@ -34,19 +34,19 @@ FADING = MappingProxyType(
         "energy_efficiency": "1",
     }
 )
-"""The quantities whose change over cycles is told, with their units."""
+"""The quantities whose change over cycles is reported, with their units."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Summary:
-    """What a battery test shows.
+    """Results of a battery test.
 
     Attributes:
-        cycles: in order.
-        compared: those that medians and fades are taken from.
-        fades: by name of quantity, over these; empty if they are too few.
-        gates: all of them, also those that could not be judged.
-        skip: how many of the first that are compared the fades leave out.
+        cycles: all cycles in order.
+        compared: the cycles that medians and fades are taken from.
+        fades: fades over these, by name of quantity; empty if they are too few.
+        gates: all gates, including those that could not be judged.
+        skip: number of initial compared cycles that the fades leave out.
     """
 
     cycles: tuple[Cycle, ...]
@@ -71,12 +71,12 @@ def summarise(
 
     Args:
         data: the samples.
-        limits: levels that the test is run between.
-        declared: prior knowledge of the cell; limits that it lacks come from `limits`.
-        how: how steps are distinguished.
-        skip: complete cycles at the beginning that the fade leaves out.
-        remaining: fraction of the beginning at which life ends.
-        counted: how many cycles somebody says there were, to hold against the time that the test took.
+        limits: limits of the test.
+        declared: prior knowledge of the cell; missing voltage limits are taken from `limits`.
+        how: segmentation settings.
+        skip: number of initial complete cycles that the fade leaves out.
+        remaining: end of life as a fraction of the initial value.
+        counted: claimed number of cycles, to compare with the duration of the test.
     """
     limits, declared = limits or Limits(), declared or Declared()
     made = cycles(data, limits, how)
@@ -102,14 +102,14 @@ def summarise(
 def incremental_capacities(
     data: Series, kind: StepKind, how: Segmentation | None = None
 ) -> tuple[IncrementalCapacity, ...]:
-    """Return dQ/dV of each step of one kind, without its part at constant voltage.
+    """Return dQ/dV of each step of one kind, without its constant-voltage part.
 
-    Steps that are too short on the voltage axis are left out.
+    Steps that span too little voltage are left out.
 
     Args:
         data: the samples.
         kind: charge or discharge.
-        how: how steps are distinguished.
+        how: segmentation settings.
     """
     steps = segment(data, how)
     charge = cumulative(flow(data, steps, how).charge[kind])
@@ -136,7 +136,7 @@ def _fades(whole: Sequence[Cycle], remaining: float) -> dict[str, Fade]:
 
 
 def _value(cycle: Cycle, name: str) -> float:
-    """Return a quantity, NaN where its half of the cycle is missing."""
+    """Return a quantity of a cycle, NaN where its half-cycle is missing."""
     if name == "energy_efficiency":
         return cycle.energy_efficiency
     half = cycle.charge if name == "charge_energy" else cycle.discharge

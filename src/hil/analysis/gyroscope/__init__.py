@@ -1,1 +1,1 @@
-"""Calibration of gyroscopes over temperature, and averaging of their readings."""
+"""Calibration of gyroscopes over temperature, with readings from a rotation table."""

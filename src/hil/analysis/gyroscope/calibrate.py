@@ -1,4 +1,4 @@
-"""From readings at temperatures and rates to a calibration."""
+"""Calibration of a gyroscope from readings at several temperatures and rates."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ _Array: TypeAlias = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CalibrationReport:
-    """A calibration, and its input.
+    """A calibration with the fits behind it.
 
     Attributes:
         calibration: the result.
         bias: fit of the bias by axis.
-        scale: fit of the scale by axis; axes that did not turn are absent.
-        responses: the gains that the scales come from.
-        remarks: what a reader must know, in sentences.
+        scale: fit of the scale by axis, without axes that did not turn.
+        responses: the gains behind the scales.
+        remarks: caveats, in sentences.
     """
 
     calibration: Calibration
@@ -56,31 +56,30 @@ def calibrate(
 ) -> CalibrationReport:
     """Fit bias, scale and alignment over temperature.
 
-    Bias: readings at rest over temperature. Scale: one over the own gain of each axis (`readings.responses`), over
-    temperature. Both are polynomials of the degree that the evidence supports (`fitting.fit`). Alignment: the inverse
-    of E, which has ones on its diagonal and else the mean over temperatures of scale(T) times gain, with a row for each
-    sensor axis and a column for each table axis; it needs all three table axes.
+    Bias: readings at rest over temperature. Scale: reciprocal of each axis's own gain (`readings.responses`) over
+    temperature. Both are polynomials whose degree is selected from the data (`fitting.fit`). Alignment: the inverse of
+    E, which has ones on its diagonal and off it the mean over temperatures of scale(T) times cross gain, with a row per
+    sensor axis and a column per table axis; it needs all three table axes.
 
-    The scatter of readings does not show their common errors. Errors that some of them share (the Earth's rate within a
-    mounting, a wandering bias) are part of the covariance with which the bias is fitted (`readings.Slow`); errors that
-    all of them share are added to the results of the fits: to the constant of the bias, to the scale as a whole, and to
-    every element of E that is not on its diagonal. The bias is that at which the sensor starts (`Reading.at` 0), or has
-    as long after the readings.
+    Errors common to several readings do not appear in their scatter. Those common to some (the Earth's rate within a
+    mounting, a wandering bias) enter the covariance of the bias fit (`readings.Slow`); those common to all are added to
+    the results of the fits: to the constant of the bias, to the scale as a whole, and to every off-diagonal element of
+    E. The bias is the one at the start of the sensor (`Reading.at` 0), or equally long after the
+    readings.
 
     Args:
-        readings: at rest at two temperatures or more; turning, at two temperatures or more for each axis that turns.
-        reference: temperature about which the powers are taken, in degC.
-        rate_uncertainty: relative standard uncertainty of the table's rates, shared by all of them.
-        bias_uncertainty: standard uncertainty that all readings at rest share, in their unit.
-        slow: what the readings do not show by their scatter and have in common, in part.
-        mounting_uncertainty: standard uncertainty of the angle between a sensor's axis, as it is mounted, and the
-            table's axis, towards each of the other axes, in rad.
-        degree: of bias and scale, 1 to 3, where the temperatures of a scale are enough for it; None to choose.
-        margin: margin in kelvin beyond the lowest and the highest measured temperature within which the calibration is
-            valid.
+        readings: at rest at two or more temperatures, and turning at two or more temperatures per turning axis.
+        reference: reference temperature of the polynomials [degC].
+        rate_uncertainty: relative standard uncertainty common to all of the table's rates.
+        bias_uncertainty: standard uncertainty common to all readings at rest, in their unit.
+        slow: errors common to some readings, which their scatter does not show.
+        mounting_uncertainty: standard uncertainty of the angle between a sensor axis, as mounted, and the table's
+            axis, towards each of the other axes [rad].
+        degree: degree of bias and scale, 1 to 3, where a scale has enough temperatures; None to select it.
+        margin: permitted extrapolation beyond the lowest and highest measured temperature [K].
 
     Raises:
-        Refused: too few readings, axes or units that differ, or what `readings.responses` and `fitting.fit` refuse.
+        Refused: too few readings, different axes or units, or as `readings.responses` and `fitting.fit`.
     """
     if not readings:
         raise Refused("there is no reading", "measure at rest at two temperatures or more")
@@ -167,7 +166,7 @@ def _inverse(gain: Figure) -> Figure:
 
 
 def _with_shared(fitted: Fit, together: tuple[float, ...]) -> Fit:
-    """Add the uncertainty that all points share: by so much it moves all coefficients together."""
+    """Add the uncertainty common to all points, which moves all coefficients together by `together`."""
     polynomial = fitted.polynomial
     if polynomial.covariance is None or not any(together):
         return fitted
@@ -206,10 +205,10 @@ def _alignment(
 
 
 def _cross_gain(name: str, own: Sequence[Response], scale: Polynomial) -> tuple[float, float, float]:
-    """Mean over temperatures of one axis' response to another, scaled: value, standard uncertainty, dof."""
+    """Return the mean over temperatures of an axis's scaled cross response: value, standard uncertainty, dof."""
     factors = [
         float(scale.at(min(max(response.temperature, scale.low), scale.high))) for response in own
-    ]  # temperatures of two axes differ a little, and the scale hardly moves within that
+    ]  # temperatures of two axes differ slightly, and the scale hardly changes within that
     gains = [factor * response.gains[name].value for factor, response in zip(factors, own, strict=True)]
     spreads = [
         math.nan if response.gains[name].uncertainty is None else factor * (response.gains[name].uncertainty or 0.0)

@@ -1,4 +1,4 @@
-"""A calibration over temperature: rate = alignment · (scale(T) · (measured - bias(T)))."""
+"""Gyroscope calibration over temperature: rate = alignment · (scale(T) · (measured - bias(T)))."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ _Array: TypeAlias = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Polynomial:
-    """c0 + c1 (T - reference) + c2 (T - reference)^2 + ...
+    """Polynomial of temperature: c0 + c1 (T - reference) + c2 (T - reference)^2 + ...
 
     Attributes:
         coefficients: c0, c1..., each in `unit` per kelvin to its power.
-        unit: of the value.
-        reference: temperature at which the value is c0, in degC.
-        low: lowest temperature that was measured, in degC.
-        high: highest temperature that was measured, in degC.
-        covariance: of the coefficients, None if unknown.
+        unit: unit of the value.
+        reference: temperature at which the value is c0 [degC].
+        low: lowest valid temperature [degC].
+        high: highest valid temperature [degC].
+        covariance: covariance of the coefficients, None if unknown.
         dof: degrees of freedom of the covariance, infinite where it is taken as exact.
     """
 
@@ -45,7 +45,7 @@ class Polynomial:
     @property
     @traced
     def degree(self) -> int:
-        """The highest power of the temperature, 0 for a constant."""
+        """Degree of the polynomial, 0 for a constant."""
         return len(self.coefficients) - 1
 
     def at(self, temperature: ArrayLike) -> _Array:
@@ -97,18 +97,18 @@ class Polynomial:
 
 
 ALIGNED: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-"""The alignment of axes whose misalignment was not measured."""
+"""Identity alignment, for axes whose misalignment was not measured."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CalibratedRate:
     """One axis: scale(T) · (measured - bias(T)).
 
-    The bias is subtracted before the scale is applied, because it is fitted to raw readings.
+    The bias is subtracted before scaling, because it is fitted to uncalibrated readings.
 
     Attributes:
         bias: reading at rest, in the unit of the readings.
-        scale: true rate per reading without bias, in unit 1.
+        scale: true rate per bias-free reading, in unit 1.
     """
 
     bias: Polynomial
@@ -126,7 +126,7 @@ class CalibratedRate:
 
     @traced
     def figure(self, measured: Figure, temperature: float, temperature_uncertainty: float = 0.0) -> Figure:
-        """Return the rate for one reading, its uncertainty that of reading, bias, scale and temperature together.
+        """Return the rate for one reading, with the combined uncertainty of reading, bias, scale and temperature.
 
         u^2 = s^2 (u_m^2 + u_b^2) + (m - b)^2 u_s^2 + (s' (m - b) - s b')^2 u_T^2, where ' is the change per kelvin
         (GUM 10). Unknown if one of them is unknown.
@@ -163,8 +163,8 @@ class Calibration:
         unit: of readings and rates.
         axes: the axes by name, in the order of the matrix.
         alignment: matrix from scaled readings to rates about the table's axes.
-        alignment_uncertainty: standard uncertainties of its elements, None if it was not measured.
-        alignment_dof: the least of their degrees of freedom, infinite where they are taken as exact.
+        alignment_uncertainty: standard uncertainties of its elements, None if not measured.
+        alignment_dof: the least of their degrees of freedom, infinite where taken as exact.
     """
 
     unit: str
@@ -175,17 +175,17 @@ class Calibration:
 
     @property
     def low(self) -> float:
-        """Lowest temperature at which every part was measured, in degC."""
+        """Lowest temperature valid for every part [degC]."""
         return max(part.low for axis in self.axes.values() for part in (axis.bias, axis.scale))
 
     @property
     def high(self) -> float:
-        """Highest temperature at which every part was measured, in degC."""
+        """Highest temperature valid for every part [degC]."""
         return min(part.high for axis in self.axes.values() for part in (axis.bias, axis.scale))
 
     @traced
     def as_it_is(self) -> Calibration:
-        """Return the same equations without uncertainty: to determine their error."""
+        """Return the same equations without uncertainty, for determining their actual error."""
         axes = {
             name: CalibratedRate(bias=_exact(axis.bias), scale=_exact(axis.scale)) for name, axis in self.axes.items()
         }
@@ -215,7 +215,7 @@ class Calibration:
         """Return rates by axis for one reading of all axes, each with its uncertainty.
 
         The rate r_i = sum_j a_ij f_j has u^2 = sum_j (a_ij u(f_j))^2 + (f_j u(a_ij))^2, with f_j as of
-        `CalibratedRate.figure`. An alignment that was not measured adds nothing.
+        `CalibratedRate.figure`. An alignment that was not measured contributes nothing.
 
         Raises:
             Refused: an axis is missing, or the temperature is outside what was measured.

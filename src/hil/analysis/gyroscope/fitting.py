@@ -1,4 +1,4 @@
-"""Weighted polynomials of temperature with the degree that the evidence supports."""
+"""Weighted polynomial fits over temperature, with the degree selected from the data."""
 
 from __future__ import annotations
 
@@ -19,26 +19,26 @@ __all__ = ["MOST_DEGREE", "Candidate", "Fit", "fit"]
 _Array: TypeAlias = NDArray[np.float64]
 
 MOST_DEGREE = 3
-"""The highest degree that is offered."""
+"""The highest degree considered."""
 
-_UNLIKELY = 0.01  # a misfit this improbable is an error of the model, and widens the uncertainties
-_ALONE = 0.95  # leverage from which no other point has a say
-_FEWEST_LEFT = 3  # degrees of freedom from which scatter tells an outlier
-_REJECTED = 1e-3  # one this improbable rejects the degree where a higher one fits
+_UNLIKELY = 0.01  # a misfit this improbable is a model error, and widens the uncertainties
+_ALONE = 0.95  # leverage at which a point determines the fit alone
+_FEWEST_LEFT = 3  # degrees of freedom needed to detect an outlier by scatter
+_REJECTED = 1e-3  # a misfit this improbable rejects the degree if a higher one fits
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Candidate:
-    """The quality of fit of one degree.
+    """Quality of the fit of one degree.
 
     Attributes:
-        degree: of the polynomial.
-        cross_validation: mean square of the leave-one-out errors, each in units of its point's uncertainty where that
-            is known, and then times 1 - 2 / dof, which is what an estimated uncertainty makes too large on average;
-            else in the square of the value's unit.
-        aicc: Akaike's information criterion with correction for few points, infinite where there are too few.
+        degree: degree of the polynomial.
+        cross_validation: mean square of the leave-one-out errors, each relative to its point's uncertainty if known,
+            and then times 1 - 2 / dof to correct the average bias from estimating that uncertainty; otherwise in the
+            square of the value's unit.
+        aicc: Akaike's information criterion with small-sample correction, infinite where there are too few points.
         chi_square: sum of squared residuals, in the same units.
-        tail: probability of a chi-square at least as large if the model is right; NaN where nothing is left to judge.
+        tail: probability of a chi-square at least as large if the model is right; NaN without degrees of freedom.
     """
 
     degree: int
@@ -50,22 +50,22 @@ class Candidate:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fit:
-    """A fitted polynomial and the reason for its degree.
+    """A fitted polynomial, with the selection of its degree.
 
     Attributes:
         polynomial: the result.
         temperature: temperatures of the points in degC, shape (n,).
         value: fitted values, shape (n,).
         residual: value minus polynomial, shape (n,).
-        candidates: all degrees that the points allow.
-        chosen: how the degree was chosen.
-        leverage: influence of each point on the polynomial there, 0 to 1, shape (n,).
-        deviation: residual over its own standard deviation, shape (n,), in the values' unit where uncertainties are
-            unknown; NaN where a point alone decides.
-        outliers: places of points that stand out by more than chance explains in one of a hundred tables.
-        runs: probability of residuals that change sign as seldom as these, in order of temperature; NaN if unknown.
-        consistent: whether the points scatter as their uncertainties say; where not, the covariance is scaled up.
-        remark: what a reader must know, else empty.
+        candidates: every degree that the points allow.
+        chosen: how the degree was selected.
+        leverage: leverage of each point, 0 to 1, shape (n,).
+        deviation: studentised residuals, shape (n,), in the values' unit where uncertainties are unknown; NaN where a
+            point determines the fit alone.
+        outliers: indices of outliers, at a false-alarm rate of one table in a hundred.
+        runs: p-value of as few sign changes of the residuals, in order of temperature; NaN if unknown.
+        consistent: whether the scatter agrees with the uncertainties; if not, the covariance is scaled up.
+        remark: caveat, otherwise empty.
     """
 
     polynomial: Polynomial
@@ -92,28 +92,27 @@ def fit(
 ) -> Fit:
     """Fit a polynomial of degree 1, 2 or 3 to values at temperatures.
 
-    Generalised least squares with the covariance C = diag(u_i^2) + S of the points. A degree is offered where the
-    points and their different temperatures outnumber its coefficients, and the first degree always. Chosen is the lower
-    of the two that leave-one-out cross-validation and AICc = chi^2 + 2 k + 2 k (k + 1) / (n - k - 1) prefer (with
-    unknown uncertainties n ln(chi^2 / n) and one parameter more), k coefficients; raised to the lowest degree whose
-    chi-square is not rejected at 0.001, if there is one. Residuals and leverages are those of the points as
-    C^(-1/2) makes them independent. What was chosen is taken as given in the uncertainties.
+    Generalised least squares with the covariance C = diag(u_i^2) + S of the points. A degree is considered if points
+    and distinct temperatures outnumber its coefficients; degree 1 always is. Selected is the lower of the two degrees
+    that leave-one-out cross-validation and AICc = chi^2 + 2 k + 2 k (k + 1) / (n - k - 1) prefer (for unknown
+    uncertainties n ln(chi^2 / n) and one parameter more), k coefficients; then the lowest degree from there on whose
+    chi-square is not rejected at 0.001, if any. Residuals and leverages are those of the points whitened by C^(-1/2).
+    The uncertainties take the selected degree as given.
 
-    The covariance is Phi = (X' C^-1 X)^-1, widened because the u_i are estimates themselves, and points with too small
-    a u count too much: Kenward and Roger, Biometrics 53 (1997) 983, section 2, with w_i = X' C^-1 e_i:
-    Phi + 4 Phi [sum_i u_i^4 / dof_i ((C^-1)_ii - w_i' Phi w_i) w_i w_i'] Phi; for a mean of independent points it is
-    that of Meier, Biometrics 9 (1953) 59. The degrees of freedom are the least of those of the coefficients (Welch and
-    Satterthwaite), in which S counts as exactly known. Where the misfit has a probability below 0.01, and where an
-    uncertainty is unknown, the covariance is scaled by chi^2 / (n - k) and has n - k degrees of freedom; with none left
-    it is unknown.
+    The covariance is Phi = (X' C^-1 X)^-1, widened because the u_i are themselves estimates, and points whose u is too
+    small are overweighted: Kenward and Roger, Biometrics 53 (1997) 983, section 2, with w_i = X' C^-1 e_i:
+    Phi + 4 Phi [sum_i u_i^4 / dof_i ((C^-1)_ii - w_i' Phi w_i) w_i w_i'] Phi; for a mean of independent points this is
+    Meier, Biometrics 9 (1953) 59. The degrees of freedom are the least of the coefficients' (Welch-Satterthwaite), with
+    S taken as exactly known. Where the misfit has a probability below 0.01, or an uncertainty is unknown, the
+    covariance is scaled by chi^2 / (n - k) and has n - k degrees of freedom; with none left it is unknown.
 
     Args:
-        temperatures: in degC, shape (n,), at least two different ones.
-        values: at these temperatures, of one unit.
-        reference: temperature about which the powers are taken, in degC.
-        shared: S, the covariance of what points have in common, shape (n, n), in the square of the values' unit; its
-            diagonal counts as well. Not used where an uncertainty is unknown.
-        degree: the degree to use, None to choose.
+        temperatures: temperatures in degC, shape (n,), at least two different ones.
+        values: n values at these temperatures, in one unit.
+        reference: reference temperature of the polynomial [degC].
+        shared: S, the covariance of errors common to the points, shape (n, n), in the square of the values' unit,
+            including its diagonal. Ignored where an uncertainty is unknown.
+        degree: the degree to use, None to select it.
 
     Raises:
         Refused: fewer than two temperatures, numbers that are not finite, or a degree that the points do not allow.
@@ -142,14 +141,14 @@ def fit(
 
 
 class _Points:
-    """The points of a fit, and what makes them independent and of variance one.
+    """The points of a fit, with their whitening.
 
     Attributes:
         where: temperatures in degC.
-        offset: these above the reference, in K.
-        values: what was measured.
+        offset: temperatures relative to the reference, in K.
+        values: measured values.
         known: whether every uncertainty is known.
-        spread: standard uncertainties of their own, 1 each if they are not known.
+        spread: standard uncertainties u_i, 1 each if unknown.
         whiten: C^(-1/2), shape (n, n).
     """
 
@@ -165,7 +164,7 @@ class _Points:
         self.whiten = np.linalg.inv(np.linalg.cholesky(covariance))
 
     def design(self, degree: int) -> _Array:
-        """Return powers of the offsets, shape (n, degree + 1)."""
+        """Return the design matrix of powers of the offsets, shape (n, degree + 1)."""
         return np.vander(self.offset, degree + 1, increasing=True)
 
 
@@ -192,9 +191,9 @@ def _candidate(points: _Points, degree: int) -> Candidate:
 
 
 def _fair(values: Sequence[Figure]) -> _Array:
-    """Return what makes a residual over an estimated uncertainty as large as one over the true one.
+    """Return the factors that correct residuals for their uncertainties being estimates.
 
-    Its square is F-distributed, with the mean dof / (dof - 2); three degrees of freedom or fewer count as three.
+    The squared ratio is F-distributed with mean dof / (dof - 2); three or fewer degrees of freedom count as three.
     """
     dof = np.maximum([figure.dof for figure in values], 3.0)
     return np.asarray(np.sqrt(1.0 - 2.0 / dof), dtype=np.float64)
@@ -270,7 +269,7 @@ def _chosen(points: _Points, best: Candidate, candidates: tuple[Candidate, ...],
 
 
 def _influence(points: _Points, plain: _Array, residual: _Array) -> tuple[_Array, _Array]:
-    """Return leverages, and residuals over their own standard deviations; each point against all the others.
+    """Return leverages and studentised residuals, each point against all the others.
 
     With M = C^-1 - C^-1 X Phi X' C^-1 they are 1 - M_ii / (C^-1)_ii and (C^-1 e)_i / sqrt(M_ii). Where uncertainties
     are unknown, the deviations are in the values' unit.
@@ -286,13 +285,13 @@ def _influence(points: _Points, plain: _Array, residual: _Array) -> tuple[_Array
 
 
 def _outliers(points: _Points, deviation: _Array, left: int, scatter: float) -> tuple[int, ...]:
-    """Return points that chance puts so far off in one table of a hundred.
+    """Return the outliers at a false-alarm rate of one table in a hundred.
 
     Args:
         points: the points.
-        deviation: of each from what the others say.
+        deviation: studentised residuals.
         left: degrees of freedom.
-        scatter: sum of squared residuals if their scatter has to stand for the uncertainties, else NaN.
+        scatter: sum of squared residuals if it must stand in for unknown uncertainties, else NaN.
     """
     from scipy.special import stdtr  # noqa: PLC0415 - scipy is slow to import
 
@@ -307,7 +306,7 @@ def _outliers(points: _Points, deviation: _Array, left: int, scatter: float) -> 
 
 
 def _runs(where: _Array, residual: _Array, degree: int) -> float:
-    """Return the probability of so few runs of one sign (Wald and Wolfowitz 1940), in order of temperature."""
+    """Return the p-value of the runs test (Wald and Wolfowitz 1940) on the residuals in order of temperature."""
     signs = residual[np.argsort(where, kind="stable")] > 0.0
     above, below = int(signs.sum()), int((~signs).sum())
     if min(above, below) <= degree:

@@ -1,4 +1,4 @@
-"""Export of a calibration: canonical JSON and its fingerprint, and C for a flight computer."""
+"""Export of a gyroscope calibration: canonical JSON with a fingerprint, and a C header for a flight computer."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from hil.model.errors import Refused
 __all__ = ["FORMAT", "as_c_header", "as_document", "as_json", "fingerprint", "from_document", "from_json", "printed"]
 
 FORMAT = "hil/gyroscope-calibration/1"
-"""What the document's `schema` says."""
+"""The document's `schema`."""
 
 
 def printed(calibration: Calibration) -> Calibration:
-    """Return the calibration with its numbers rounded as in every export: 9 significant digits."""
+    """Return the calibration with its numbers rounded as in every export, to 9 significant digits."""
     axes = {
         name: CalibratedRate(bias=_rounded(axis.bias), scale=_rounded(axis.scale))
         for name, axis in calibration.axes.items()
@@ -32,7 +32,7 @@ def _rounded(polynomial: Polynomial) -> Polynomial:
 
 
 def as_document(calibration: Calibration) -> dict[str, object]:
-    """Return the calibration as plain data, with the fingerprint of everything else in it."""
+    """Return the calibration as plain data, with a fingerprint over everything else in it."""
     exported = printed(calibration)
     document: dict[str, object] = {
         "schema": FORMAT,
@@ -65,30 +65,37 @@ def _polynomial(polynomial: Polynomial) -> dict[str, object]:
 
 @traced
 def as_json(calibration: Calibration) -> str:
-    """Return the document as JSON text, the same for the same calibration."""
+    """Return the calibration as canonical JSON text.
+
+    Args:
+        calibration: the calibration.
+    """
     return interchange.as_text(as_document(calibration))
 
 
 def fingerprint(calibration: Calibration) -> str:
-    """Return the SHA-256 that every export of this calibration carries."""
+    """Return the SHA-256 fingerprint in every export of this calibration."""
     return str(as_document(calibration)["fingerprint"])
 
 
 @traced
 def from_json(text: str) -> Calibration:
-    """Return the calibration that a JSON text holds.
+    """Parse a calibration from JSON text.
+
+    Args:
+        text: JSON text of an export.
 
     Raises:
-        Refused: text that is not such a document, or was changed after it was exported.
+        Refused: the text is not such a document, or was changed after export.
     """
     return from_document(interchange.parsed(text))
 
 
 def from_document(document: Mapping[str, object]) -> Calibration:
-    """Return the calibration that a document holds.
+    """Parse a calibration from a document.
 
     Raises:
-        Refused: a document of another format, or one that does not match its fingerprint.
+        Refused: the document has another format, or does not match its fingerprint.
     """
     return interchange.opened(document, FORMAT, _calibration)
 
@@ -160,10 +167,13 @@ static const double gyroscope_alignment[GYROSCOPE_AXES][GYROSCOPE_AXES] = {{
 
 @traced
 def as_c_header(calibration: Calibration) -> str:
-    """Return a C99 header with the numbers that the JSON export prints, and its fingerprint.
+    """Return a C99 header with the numbers of the JSON export and its fingerprint.
+
+    Args:
+        calibration: the calibration.
 
     Raises:
-        Refused: the polynomials have different reference temperatures, or a name does not fit into C.
+        Refused: the polynomials have different reference temperatures, or a name is not valid in C.
     """
     interchange.printable((calibration.unit, *calibration.axes))
     exported = printed(calibration)

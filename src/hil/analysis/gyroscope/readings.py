@@ -1,4 +1,4 @@
-"""Readings of a gyroscope on a rotation table, and its scale and axes from pairs of opposite rates."""
+"""Readings of a gyroscope on a rotation table, and its gains from pairs of opposite rates."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ __all__ = ["Reading", "Response", "Slow", "implausible", "reading", "responses",
 
 _Array: TypeAlias = NDArray[np.float64]
 
-_FOR_GOOD = 86400.0  # s: what flickers slower counts as part of the bias
-_SHORTEST = 5.0  # s: e^-1.5 of 20 s, which is what averaging leaves; of a minute it makes the variance 10 % too large
-_UNLIKE = 1.5  # a gain above this, or below one over it, is no tolerance of a sensor
-_OTHER = 2.0  # times the own gain: another axis responds
-_TOGETHER = 2.0  # K: rates measured within this share one temperature
+_FOR_GOOD = 86400.0  # s: slower flicker counts as part of the bias
+_SHORTEST = 5.0  # s: e^-1.5 of 20 s, the effect of averaging; for one minute it makes the variance 10 % too large
+_UNLIKE = 1.5  # a gain above this, or below its reciprocal, exceeds any sensor's tolerance
+_OTHER = 2.0  # multiple of the own gain at which another axis is the one that responds
+_TOGETHER = 2.0  # K: rates within this belong to one temperature
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reading:
-    """The mean reading of every axis at one temperature, at rest or at one rate about one axis.
+    """Mean reading of every axis at one temperature, at rest or at one rate about one axis.
 
     Attributes:
-        temperature: in degC.
-        means: mean by axis, all of one unit, each with the uncertainty of a mean (see
+        temperature: temperature [degC].
+        means: mean by axis, all in one unit, each with the uncertainty of a mean (see
             `hil.analysis.allan.averaging.rest_mean`).
-        rates: true rate by axis, in the same unit; axes that are absent do not turn.
-        at: time in s since the sensor was started, over which its bias has wandered.
-        mounting: the axis along that of the table, which sees one rate of the Earth however the table stands.
+        rates: true rate by axis, in the same unit; absent axes do not turn.
+        at: time since the sensor was started [s], over which its bias has wandered.
+        mounting: the axis along the table's, which senses the same Earth rate at every table angle.
     """
 
     temperature: float
@@ -63,11 +63,11 @@ def reading(
     """Return a reading whose true rates were measured as well.
 
     Args:
-        temperature: in degC.
+        temperature: temperature [degC].
         means: mean by axis.
         rates: true rate by axis, in the same unit; None at rest.
-        at: time in s since the sensor was started.
-        mounting: the axis along that of the table.
+        at: time since the sensor was started [s].
+        mounting: the axis along the table's.
     """
     true = {axis: rate.value for axis, rate in (rates or {}).items()}
     return Reading(temperature=temperature, means=means, rates=true, at=float(at), mounting=mounting)
@@ -75,15 +75,15 @@ def reading(
 
 @traced
 def rippling(samples: ArrayLike, rate: float, turning: float) -> _Array:
-    """Return the part of samples that repeats once per turn of the table, with zero mean, shape (n,).
+    """Return the zero-mean component of samples that is periodic with the turn of the table, shape (n,).
 
-    The table's own ripple is in its mean rate, as measured by its encoder: it is not noise of the mean. Without it the
-    samples keep their mean, and their scatter is the sensor's.
+    The table's ripple is part of the mean rate that its encoder measures, not noise of the mean. With it subtracted,
+    the samples keep their mean, and their scatter is the sensor's.
 
     Args:
         samples: shape (n,), in a rate's unit; NaN marks a missing sample.
-        rate: samples per second.
-        turning: rate of the table in deg/s.
+        rate: sampling rate [Hz].
+        turning: rate of the table [deg/s].
     """
     values = np.asarray(samples, dtype=np.float64)
     angle = np.radians(turning) / rate * np.arange(values.size)
@@ -98,7 +98,7 @@ def rippling(samples: ArrayLike, rate: float, turning: float) -> _Array:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Slow:
-    """Errors that are slower than a reading, so that its scatter does not show them.
+    """Errors slower than one reading, so that its scatter does not show them.
 
     Attributes:
         earth: standard uncertainty of the Earth's rate about an axis, in the readings' unit.
@@ -112,18 +112,18 @@ class Slow:
 
     @traced
     def uncertainty(self, at: float) -> float:
-        """Return the standard uncertainty that a reading has from all of it, at a time in s since the start."""
+        """Return a reading's standard uncertainty from these errors, at a time in s since the start, in their unit."""
         wandered = self.random_walk**2 * at + self.flicker**2 / math.pi * math.log(_FOR_GOOD / _SHORTEST)
         return math.sqrt(self.earth**2 + wandered)
 
     def covariance(self, readings: Sequence[Reading], axis: str) -> _Array:
-        """Return the covariance of an axis' readings from what they have in common, shape (n, n), in unit squared.
+        """Return the covariance of an axis's readings from their common errors, shape (n, n), in unit squared.
 
-        The sum of earth^2, among readings of one mounting for the axis that stands along the table's, for each reading
-        by itself for the others, which look another way whenever the table has turned; of K^2 min(t_i, t_j), which is
-        zero at the start; and of B^2/pi ln(T / (|t_i - t_j| + s)), the covariance of flicker noise above 1/T: T is a
-        day, beyond which it counts as part of the bias, and s is 5 s, about what averaging over a reading leaves. The
-        last one is convex and falling, so that it is a covariance (Polya).
+        The sum of earth^2, common to the readings of one mounting for the axis along the table's, and independent
+        between readings for the others, whose direction changes with the table angle; of K^2 min(t_i, t_j), which is
+        zero at the start; and of B^2/pi ln(T / (|t_i - t_j| + s)), the covariance of flicker noise above 1/T: T is one
+        day, beyond which it counts as part of the bias, and s is 5 s, about the effect of averaging over a reading. The
+        last is convex and decreasing, and therefore a covariance (Polya).
         """
         at = np.array([each.at for each in readings])
         mounting = np.array([each.mounting for each in readings])
@@ -136,15 +136,15 @@ class Slow:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Response:
-    """How all axes respond to rates about one of them, at one temperature.
+    """Response of all axes to rates about one of them, at one temperature.
 
     Attributes:
-        axis: about which the table turned.
-        temperature: mean of the readings' temperatures, in degC.
-        low: lowest temperature of the readings, in degC.
-        high: highest temperature of the readings, in degC.
-        gains: change of each axis' reading per true rate, in unit 1; the biases cancel.
-        one_way: whether the table turned in one direction only, so that readings at rest give the bias.
+        axis: axis of rotation.
+        temperature: mean temperature of the readings [degC].
+        low: lowest temperature of the readings [degC].
+        high: highest temperature of the readings [degC].
+        gains: change of each axis's reading per true rate, in unit 1; the biases cancel.
+        one_way: whether the table turned in one direction only, with readings at rest as the bias.
     """
 
     axis: str
@@ -158,14 +158,14 @@ class Response:
 def responses(readings: Sequence[Reading], slow: Slow | None = None) -> tuple[Response, ...]:
     """Return the response about each axis at each temperature, in order of axis and temperature.
 
-    Readings about one axis within 2 K belong together. With r the true rates and m the readings, the gain is the slope
-    of m over r, with a free intercept, by weighted least squares; for two opposite rates (m+ - m-) / (r+ - r-). Where
-    all rates of a group have one sign, readings at rest within 2 K take part with the rate 0: then the gain of the
-    other direction is assumed to be the same, and the bias that of rest.
+    Readings about one axis within 2 K form a group. With r the true rates and m the readings, the gain is the slope of
+    m over r, with a free intercept, by weighted least squares; for two opposite rates (m+ - m-) / (r+ - r-). Where all
+    rates of a group have one sign, readings at rest within 2 K are included at rate 0: the gain in the other direction
+    is then assumed equal, and the bias that of rest.
 
     Args:
-        readings: with `at` where the bias wanders.
-        slow: what they have in common. Where that changes from one rate to the next, it is not the sensor's response.
+        readings: readings, with `at` where the bias wanders.
+        slow: their common errors; a change of these between rates is not the sensor's response.
 
     Raises:
         Refused: a reading turns about several axes, or a temperature has rates in one direction only
@@ -210,10 +210,10 @@ def _response(axis: str, group: list[Reading], resting: list[Reading], slow: Slo
 
 
 def implausible(found: Sequence[Response]) -> tuple[Gate, ...]:
-    """Check the gain of every axis that turned: to its own rate, in the same unit, with the same sign.
+    """Return a gate per turned axis on its gain: response to its own rate, in the same unit, with the same sign.
 
-    A gain between 2/3 and 1.5 is one that a sensor may have. Another one is named where it is that of radians and
-    degrees, or of a thousandth.
+    A gain between 2/3 and 1.5 is plausible. Other gains are identified where they match radians against degrees, or a
+    factor of a thousand.
     """
     return tuple(_asked(axis, found) for axis in dict.fromkeys(each.axis for each in found))
 

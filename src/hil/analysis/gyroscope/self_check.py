@@ -1,4 +1,4 @@
-"""Whether equations, as printed, reproduce the table that they came from."""
+"""Self-check of a calibration: whether the exported equations reproduce the table that they were fitted to."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from hil.analysis.tracing import traced
 
 __all__ = ["Rejection", "disagreements", "export_disagreements", "reproduction"]
 
-_PRINTED = 1e-6  # of the largest value: what nine printed digits may change, with room
+_PRINTED = 1e-6  # of the largest value: the effect of rounding to nine digits, with margin
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -22,11 +22,11 @@ class Rejection:
     """An equation that does not reproduce its table.
 
     Attributes:
-        axis: the axis, or what else the equation is named.
-        temperature: where it is worst, in degC.
-        tabled: the value of the table there.
-        recomputed: what the equation gives there.
-        remark: what would fix it, where that is plain, else empty.
+        axis: the axis, or other name of the equation.
+        temperature: temperature of the largest error [degC].
+        tabled: the table's value there.
+        recomputed: the equation's value there.
+        remark: the evident correction, otherwise empty.
     """
 
     axis: str
@@ -46,12 +46,12 @@ class Rejection:
 def disagreements(
     equations: Mapping[str, Polynomial], table: Mapping[str, Sequence[tuple[float, float]]], tolerance: float
 ) -> tuple[Rejection, ...]:
-    """Return the equations that deviate from their own table by more than a tolerance, by axis.
+    """Return the equations that miss their own table by more than a tolerance, in order of axis.
 
     Args:
-        equations: by axis; their range is not read.
+        equations: equations by axis; their range is ignored.
         table: pairs of temperature in degC and value, by axis.
-        tolerance: largest absolute difference that is accepted, in the values' unit.
+        tolerance: largest accepted absolute difference, in the values' unit.
     """
     found = (_judged(axis, equations[axis], table[axis], tolerance) for axis in equations)
     return tuple(rejection for rejection in found if rejection is not None)
@@ -59,15 +59,24 @@ def disagreements(
 
 @traced
 def reproduction(exported: Calibration, report: CalibrationReport) -> str:
-    """Return `reproduced` if an export gives what the report holds, else every disagreement in a sentence."""
+    """Return `reproduced` if an export agrees with its report, otherwise every disagreement in a sentence.
+
+    Args:
+        exported: the calibration as exported and read back.
+        report: the report that it was exported from.
+    """
     return "; ".join(map(str, export_disagreements(exported, report))) or "reproduced"
 
 
 @traced
 def export_disagreements(exported: Calibration, report: CalibrationReport) -> tuple[Rejection, ...]:
-    """Return where a calibration, as exported and read back, deviates from the tables that it was fitted to.
+    """Return where a calibration, as exported and read back, misses the tables that it was fitted to.
 
-    The tolerance is the largest residual of the fit itself, and a millionth of the largest value for the digits.
+    The tolerance is the largest residual of the fit itself, plus a millionth of the largest value for rounding.
+
+    Args:
+        exported: the calibration as exported and read back.
+        report: the report that it was exported from.
     """
     rejections: list[Rejection] = []
     for what, fits in (("bias", report.bias), ("scale", report.scale)):

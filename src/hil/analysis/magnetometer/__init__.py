@@ -1,1 +1,1 @@
-"""Calibration of magnetometers from readings in many attitudes that nobody needs to know."""
+"""Calibration of magnetometers from readings in many unknown attitudes."""

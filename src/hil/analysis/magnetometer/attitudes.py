@@ -1,4 +1,4 @@
-"""Calibration on a rotation table in coils: known fields, and the benefit of known attitudes."""
+"""Magnetometer calibration on a rotation table in coils: known fields and attitudes, orientation, residual errors."""
 
 from __future__ import annotations
 
@@ -31,18 +31,18 @@ __all__ = [
 ]
 
 _TURN = {"z": (0, 1, 2), "x": (1, 2, 0), "y": (2, 0, 1)}
-"""By the axis that points up: which board axes lie along 0 deg and 90 deg of the table, and up, at its angle 0."""
+"""By the axis that points up: the board axes along 0 deg, 90 deg and up, at table angle 0."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Orientation:
-    """The orientation of a calibrated sensor's axes relative to those of the board.
+    """Orientation of a calibrated sensor's axes relative to the board's.
 
     Attributes:
         matrix: (3, 3), orthogonal: calibrated = matrix · true.
         handedness: 1; -1 where an odd number of axes is swapped or has the wrong sign.
-        angle: by which the axes are turned in deg, 180 for a half turn; of a reflection, that of the nearest turn.
-        left: rms angle in deg between calibrated and true directions once they are turned back.
+        angle: rotation angle in deg, 180 for a half turn; for a reflection, that of the nearest rotation.
+        left: residual rms angle in deg between calibrated and true directions after the rotation is removed.
     """
 
     matrix: Array
@@ -53,15 +53,15 @@ class Orientation:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Remaining:
-    """The errors of calibrated readings that were not used in the fit.
+    """Errors of readings that were not used in the fit.
 
     Attributes:
-        magnitude: the largest error of the magnitude, with its sign, in the unit of the field.
-        raw_magnitude: the same of readings that are not calibrated.
-        heading: the largest angle to the true direction in deg.
-        raw_heading: the same of readings that are not calibrated.
-        errors: (n,), of the magnitudes, calibrated.
-        raw_errors: (n,), not calibrated.
+        magnitude: largest error of the calibrated magnitude, with its sign, in the unit of the field.
+        raw_magnitude: the same for uncalibrated readings.
+        heading: largest angle of a calibrated reading to the true direction [deg].
+        raw_heading: the same for uncalibrated readings.
+        errors: (n,), calibrated errors of the magnitudes.
+        raw_errors: (n,), uncalibrated errors.
     """
 
     magnitude: Figure
@@ -74,12 +74,12 @@ class Remaining:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CoilSurvey:
-    """The field at a reference at rest: along the table's 0 deg, along its 90 deg, and up, in uT.
+    """Field survey by a reference magnetometer at rest: along the table's 0 deg, its 90 deg, and up, in uT.
 
     Attributes:
-        ambient: (3,), without what the coils add.
-        per_ampere: (3,), what the coils add.
-        constant: its part upwards, in uT/A.
+        ambient: (3,), ambient field without the coils.
+        per_ampere: (3,), field of the coils per ampere, in uT/A.
+        constant: coil constant: its upward component [uT/A].
     """
 
     ambient: Array
@@ -88,12 +88,12 @@ class CoilSurvey:
 
     @traced
     def field(self, current: Figure) -> Array:
-        """Return the field (3,) in uT with a measured current."""
+        """Return the total field (3,) in uT at a measured current in A."""
         return np.asarray(self.ambient + self.per_ampere * current.value)
 
     @traced
     def moved(self, later: CoilSurvey) -> float:
-        """Return the largest change of a component of the ambient field up to a later survey, in uT."""
+        """Return the largest change of an ambient field component until a later survey [uT]."""
         return float(np.abs(later.ambient - self.ambient).max())
 
 
@@ -106,17 +106,17 @@ def coil_survey(
     times: ArrayLike,
     currents: Sequence[Figure],
 ) -> CoilSurvey:
-    """Return ambient field and coil field per ampere, from recordings with both current directions and without current.
+    """Return ambient field and coil constant from recordings with both current directions and without current.
 
-    The ambient field is the mean of all three: what both directions add is as large, and noise is less than without
-    current alone.
+    The ambient field is the mean of all three: the coil's contributions cancel, and the noise is lower than in the
+    recording without current alone.
 
     Args:
-        plus: with the current, one recording (samples, 3) in uT for each repetition.
-        zero: without it.
-        minus: with the opposite one.
+        plus: recordings with positive current, (samples, 3) in uT for each repetition.
+        zero: the same without current.
+        minus: the same with negative current.
         times: see `hil.analysis.magnetics.odd_response`.
-        currents: sizes as measured, of every recording with current.
+        currents: measured magnitudes for every recording with current [A].
     """
     response = odd_response(list(plus), list(zero), list(minus), times=times)
     amperes = np.array([each.value for each in currents])
@@ -133,22 +133,28 @@ def coil_survey(
 
 @traced
 def table_angles(time: ArrayLike, mark: tuple[Figure, Figure], rate: Figure) -> Array:
-    """Return the angle of a table in deg at times in s, shape (n,), from an angle at one time and its rate."""
+    """Return the table angle in deg at times, shape (n,), from the angle at one time and the rate.
+
+    Args:
+        time: times in s, shape (n,).
+        mark: an angle in deg, and its time in s.
+        rate: rate of the table [deg/s].
+    """
     angle, at = mark
     return np.asarray(angle.value + rate.value * (np.asarray(time, dtype=np.float64) - at.value))
 
 
 @traced
 def fields_in_board(field: ArrayLike, angle: ArrayLike, up: str) -> Array:
-    """Return a field in the frame of a board on a rotation table, (n, 3).
+    """Transform a field to the frame of a board on a rotation table, (n, 3).
 
     Args:
-        field: along the table's 0 deg, along its 90 deg, and up; shape (3,) or (n, 3).
-        angle: of the table in deg, positive counter-clockwise seen from above, shape (n,).
-        up: the board axis that points up; the two that follow it cyclically lie along 0 deg and 90 deg at angle 0.
+        field: components along the table's 0 deg, its 90 deg, and up; shape (3,) or (n, 3).
+        angle: table angle in deg, positive counter-clockwise seen from above, shape (n,).
+        up: the board axis that points up; the next two, cyclically, are along 0 deg and 90 deg at angle 0.
 
     Raises:
-        Refused: another axis than x, y and z.
+        Refused: the axis is not x, y or z.
     """
     if up not in _TURN:
         raise Refused(f"'{up}' is no axis of a board", "mount x, y or z up")
@@ -164,18 +170,18 @@ def fields_in_board(field: ArrayLike, angle: ArrayLike, up: str) -> Array:
 
 @traced
 def orientation(calibrated: ArrayLike, true: ArrayLike, *, attitude: float = 0.0) -> Orientation:
-    """Return how calibrated fields (n, 3) are turned against true ones (n, 3): the orthogonal factor.
+    """Return the orientation of calibrated fields (n, 3) relative to true ones (n, 3), by orthogonal Procrustes.
 
     Least squares over all orthogonal matrices, reflections included: P. H. Schönemann, A Generalized Solution of the
     Orthogonal Procrustes Problem, Psychometrika 31 (1966) 1.
 
     Args:
-        calibrated: in the axes of the sensor.
-        true: in those of the board.
-        attitude: standard uncertainty of the attitudes that all readings share, in deg.
+        calibrated: fields in the sensor's axes.
+        true: fields in the board's axes.
+        attitude: standard uncertainty of the attitudes, common to all readings [deg].
 
     Raises:
-        Refused: shapes that differ.
+        Refused: the shapes differ.
     """
     found, field = _pair(calibrated, true)
     left, values, right = np.linalg.svd(_directions(found).T @ _directions(field))
@@ -200,14 +206,14 @@ def orientation(calibrated: ArrayLike, true: ArrayLike, *, attitude: float = 0.0
 def remaining_errors(
     calibration: Calibration, readings: ArrayLike, true: ArrayLike, *, field: float, attitude: float
 ) -> Remaining:
-    """Return the errors of readings (n, 3) in known fields (n, 3), calibrated and not.
+    """Return the errors of readings (n, 3) in known fields (n, 3), calibrated and uncalibrated.
 
     Args:
-        calibration: as exported and read back.
-        readings: in its unit, best means of some samples.
-        true: in the frame of the board, in the same unit.
+        calibration: the calibration as exported and read back.
+        readings: readings in its unit, preferably means of several samples.
+        true: true fields in the board's frame, in the same unit.
         field: standard uncertainty of the magnitudes of `true`, in that unit.
-        attitude: that of its directions, in deg.
+        attitude: standard uncertainty of its directions [deg].
     """
     raw, known = _pair(readings, true)
     found = calibration.correct(raw)
@@ -234,12 +240,16 @@ def remaining_errors(
 
 @traced
 def positive_factor(matrix: ArrayLike, bias: ArrayLike) -> tuple[Array, Array]:
-    """Return the observable part of the model field = M · reading - b, M (3, 3): the factor P of M = U P, and U'b.
+    """Return the part of field = M · reading - b, M (3, 3), b (3,), visible in magnitudes: P of M = U P, and U'b.
 
-    U is a rotation or a reflection, which no magnitude shows; P is symmetric and positive definite.
+    U is a rotation or a reflection, which does not affect magnitudes; P is symmetric and positive definite.
+
+    Args:
+        matrix: M, shape (3, 3).
+        bias: b, shape (3,), in the unit of the field.
 
     Raises:
-        Refused: a matrix that cannot be inverted.
+        Refused: the matrix is singular.
     """
     given = np.asarray(matrix, dtype=np.float64)
     factor = root(given.T @ given)
@@ -253,17 +263,17 @@ def positive_factor(matrix: ArrayLike, bias: ArrayLike) -> tuple[Array, Array]:
 def set_apart(
     calibration: Calibration, matrix: ArrayLike, bias: ArrayLike, *, relative: float
 ) -> tuple[Figure, Figure]:
-    """Return the errors of a calibration relative to its input: the bias, and the matrix.
+    """Return the errors of a calibration against the simulated truth: of the bias, and of the matrix.
 
-    The bias as a share of the field, in whichever direction it is worst: |G (b - b0)| / F. The matrix as the largest
-    element of G - G0 along the axes of G0, each over the root of the two eigenvalues that it belongs to; G0 has the
-    determinant 1 where no magnitude was known.
+    Bias error: largest over all directions, relative to the field, |G (b - b0)| / F. Matrix error: the largest element
+    of G - G0 along the axes of G0, each over the root of its two eigenvalues; G0 has determinant 1 where no magnitude
+    was known.
 
     Args:
-        calibration: what was found.
-        matrix: what was put in, (3, 3), symmetric.
-        bias: what was put in, in the unit of readings, (3,).
-        relative: standard uncertainty of the field relative to it.
+        calibration: the calibration.
+        matrix: true matrix, (3, 3), symmetric.
+        bias: true bias, in the unit of readings, (3,).
+        relative: relative standard uncertainty of the field.
     """
     truth, gain = np.asarray(matrix, dtype=np.float64), np.array(calibration.matrix)
     if not (calibration.observable and calibration.covariance is not None):
@@ -287,7 +297,7 @@ def set_apart(
 
 
 def _relative(truth: Array, gain: Array, covariance: Array) -> tuple[float, float]:
-    """Return the largest relative element of gain - truth along the axes of truth, and the largest of their spreads."""
+    """Return the largest relative element of gain - truth along the axes of truth, and the largest uncertainty."""
     values, vectors = np.linalg.eigh(truth)
     largest = spread = 0.0
     for place, one in enumerate(vectors.T):

@@ -1,4 +1,4 @@
-"""From readings of a magnetometer in many attitudes to its calibration, with its gates."""
+"""Calibration of a magnetometer from readings in many attitudes, with gates on its validity."""
 
 from __future__ import annotations
 
@@ -36,11 +36,11 @@ METHODS = ("ellipsoid", "likelihood", "twostep")
 """The fits, by name."""
 
 SHAPES = ("auto", *BASES)
-"""What the gain may be: chosen by evidence, a number, diagonal, or symmetric."""
+"""The shapes of the gain: automatic selection, scalar, diagonal, or symmetric."""
 
 
 def _spiral(count: int) -> Array:
-    """Return directions (count, 3) all over the sphere, on a spiral of the golden angle."""
+    """Return directions (count, 3) distributed over the sphere on a golden-angle spiral."""
     height = 1.0 - (2.0 * np.arange(count) + 1.0) / count
     turn, across = np.arange(count) * math.pi * (3.0 - math.sqrt(5.0)), np.sqrt(1.0 - np.square(height))
     return np.stack([across * np.cos(turn), across * np.sin(turn), height], axis=1)
@@ -51,23 +51,23 @@ _ALL_OVER = _spiral(40)
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MagnetometerReport:
-    """A calibration, and its quality as shown by the readings.
+    """A calibration, with the quality of its fit.
 
     Attributes:
-        calibration: the result; its figures say NOT_OBSERVABLE where a gate of observability trips.
+        calibration: the result; its figures are NOT_OBSERVABLE where a gate of observability trips.
         noise: standard deviation of the readings along each axis, from the residuals, in their unit.
-        residual: (n,), magnitude of the calibrated reading minus that of the field, of all readings, in their unit.
-        outliers: places of the readings that were left out, counted from 0.
-        coverage: share of 48 cells of equal area on the sphere that calibrated readings reach.
+        residual: (n,), calibrated magnitude minus that of the field, for all readings, in their unit.
+        outliers: indices of the readings that were left out.
+        coverage: share of 48 equal-area cells on the sphere that calibrated readings reach.
         heading: standard uncertainty of a calibrated direction in deg, in the worst direction, from those of bias and
-            matrix; without a rotation of all directions together, which magnitudes do not show.
-        uncalibrated: the largest angle in deg between a reading and what the calibration makes of it.
-        condition: of the Fisher matrix, 2.5 for a general ellipsoid and directions all over the sphere.
-        inflation: by which factor the uncertainties exceed those of independent residuals, because neighbours are
-            alike; 1 where they are not.
-        gates: what was asked of the result, and the answers.
-        identifiability: what these data cannot show, however good they are.
-        iterations: steps of the last fit, 0 where it is direct.
+            matrix; excluding a common rotation, which magnitudes cannot show.
+        uncalibrated: largest angle in deg between a reading and its calibrated value.
+        condition: condition of the Fisher matrix, 2.5 for a general ellipsoid and full coverage of the sphere.
+        inflation: factor on the uncertainties for correlated residuals of neighbouring readings; 1 where they are
+            independent.
+        gates: gates on the result.
+        identifiability: what such data cannot determine in principle.
+        iterations: steps of the last fit, 0 for a direct one.
     """
 
     calibration: Calibration
@@ -104,40 +104,40 @@ def calibrate_magnetometer(
 
     Model: field = matrix (measured - bias) + noise, |field| known or constant, matrix symmetric and positive definite.
 
-    - `ellipsoid`: algebraic, direct; what MATLAB's `magcal` computes (see `ellipsoid`). It takes the magnitude as
-      constant, known or not.
-    - `likelihood`: maximum likelihood for known magnitudes that may vary, or a constant unknown one.
-    - `twostep`: Alonso and Shuster (see `twostep`) for known magnitudes that may vary; general shape.
+    - `ellipsoid`: algebraic and direct, as MATLAB's `magcal` (see `ellipsoid`). It takes the magnitude as constant,
+      known or not.
+    - `likelihood`: maximum likelihood for known, possibly varying magnitudes, or a constant unknown one.
+    - `twostep`: Alonso and Shuster (see `twostep`) for known, possibly varying magnitudes; general shape.
 
-    Without a known magnitude the matrix has determinant 1, and the expected field is a result. `auto` takes the shape
-    of the least n ln(sum of squares / n) + k ln n (Bayesian information criterion), k parameters.
+    Without a known magnitude the matrix has determinant 1, and the expected field is a result. `auto` selects the shape
+    with the least n ln(sum of squares / n) + k ln n (Bayesian information criterion), k parameters.
 
-    Outliers: the first estimate comes from the three quarters of the readings that fit best. Readings are left out if
-    their residual is so large, in standard deviations of those kept, that chance produces one in one of a hundred
+    Outliers: the first estimate uses the best-fitting three quarters of the readings. Readings are rejected by their
+    residual in standard deviations of those kept, at a false-alarm rate of one in a hundred
     recordings.
 
-    The covariance is that of noise of one variance along each axis, independent from reading to reading:
+    The covariance is for noise of equal variance along each axis, independent between readings:
     s² H^-1 J'W²diag(|G u|²)J H^-1 with H = J'WJ, W the weights of the fit and s² = sum (r / |G u|)² / (n - k)
-    (`geometry`); for `ellipsoid` and `twostep` with what they neglect of the noise added. Where residuals of neighbours
-    are alike, it is larger by the factor that sums over blocks of them show (`likeness`).
+    (`geometry`); for `ellipsoid` and `twostep` the neglected noise terms are added. Where neighbouring residuals are
+    correlated, it is inflated by the scatter of block sums (`likeness`).
 
-    With the temperature of the sensor at each reading the bias may follow it in a straight line (see `warmth`).
+    Given the temperature of the sensor at each reading, the bias may be linear in temperature (see `warmth`).
 
     Gates: `ellipsoid`, `converged`, `coverage`, `condition` and `bias` (its uncertainty) make the figures
-    NOT_OBSERVABLE; `scatter`, `noise` and `outliers` count against the recording.
+    NOT_OBSERVABLE; `scatter`, `noise` and `outliers` question the recording.
 
     Args:
         readings: shape (n, 3), in `unit`, all finite.
-        unit: of readings and field.
-        field: known magnitude at each reading, shape (n,), or one for all; None if it is constant and not known.
-        method: `likelihood` if None, but `ellipsoid` without a known field.
-        shape: `auto` if None, but `general` for `twostep`.
+        unit: unit of readings and field.
+        field: known magnitude at each reading, shape (n,), or one for all; None if constant and unknown.
+        method: fit method; by default `likelihood`, or `ellipsoid` without a known field.
+        shape: shape of the gain; by default `auto`, or `general` for `twostep`.
         noise: standard deviation of the sensor's noise along each axis in `unit`, None to take it from the residuals.
-            Uncertainties follow from it, or from the residuals where these are larger; the gate `noise` compares them.
-        temperature: of the sensor at each reading in degC, shape (n,); None if it is not known.
+            Uncertainties follow from it, or from the residuals if larger; the gate `noise` compares the two.
+        temperature: sensor temperature at each reading in degC, shape (n,); None if unknown.
 
     Raises:
-        Refused: too few readings, numbers that are not finite, or options that do not go together.
+        Refused: too few readings, values that are not finite, or incompatible options.
     """
     given, method, shape = _checked(readings, field, method, shape)
     if noise is not None and not (math.isfinite(noise) and noise > 0.0):
@@ -263,7 +263,7 @@ def _calibration(
 
 
 def _nothing(given: Given, unit: str, how: tuple[Method, Shape], estimate: Estimate) -> MagnetometerReport:
-    """Return the report of readings that lie on no ellipsoid."""
+    """Return the report for readings that do not lie on an ellipsoid."""
     reason = "the readings lie on no ellipsoid: measure attitudes all over the sphere, and look for a disturbed field"
     nowhere = replace(estimate, bias=np.full(3, math.nan), gain=np.full((3, 3), math.nan))
     calibration = _calibration(given, nowhere, unit, how, (math.nan, 1.0), None, math.inf)
@@ -288,11 +288,11 @@ def _covariance(
 ) -> tuple[Array | None, Array | None, float]:
     """Return the covariance (9, 9) of bias and gain for noise along each axis, None if it is singular.
 
-    Beside it stand that of the slopes over temperature (3, 3), None where there are none, and the inflation of standard
-    uncertainties by residuals that are alike. The variances are that of the residuals, and that which is believed.
+    It is followed by that of the temperature slopes (3, 3), None where there are none, and the inflation of standard
+    uncertainties by correlated residuals. `variances` are that of the residuals, and the adopted one.
 
-    The ellipsoid and TWOSTEP neglect terms of second order in the noise. By how much these move the result one step of
-    the likelihood shows; its square is added.
+    The ellipsoid and TWOSTEP neglect second-order terms in the noise. Their effect is estimated by one step of the
+    likelihood fit; its square is added.
     """
     found, variance = variances
     square = np.square(about.spread)
@@ -316,9 +316,9 @@ def _covariance(
 
 
 def _heading(covariance: Array | None, gain: Array, field: float, dof: float) -> Figure:
-    """Return the standard uncertainty in deg of a calibrated direction, in the worst of directions all over the sphere.
+    """Return the standard uncertainty in deg of a calibrated direction, the worst over the whole sphere.
 
-    y = G (x - b), so that dy = -G db + dG (x - b); across y it is an angle of |dy| / |y|.
+    y = G (x - b), so dy = -G db + dG (x - b); perpendicular to y it is an angle of |dy| / |y|.
     """
     if covariance is None or not np.isfinite(covariance).all():
         return not_observable("deg")
@@ -336,7 +336,7 @@ def _heading(covariance: Array | None, gain: Array, field: float, dof: float) ->
 
 
 def _turned(readings: Array, direction: Array, heading: Figure) -> Figure:
-    """Return the largest angle between readings and directions, both (n, 3), as certain as these are."""
+    """Return the largest angle between readings and directions, both (n, 3), with the directions' uncertainty."""
     if not math.isfinite(heading.value):
         return heading
     along = np.einsum("ij,ij->i", readings, direction) / lengths(readings)

@@ -1,4 +1,4 @@
-"""A calibration of a magnetometer: field = matrix · (measured - bias)."""
+"""Magnetometer calibration: field = matrix · (measured - bias)."""
 
 from __future__ import annotations
 
@@ -24,22 +24,22 @@ IDENTIFIABLE = (
     "reflection (a mounting angle, swapped axes, an axis of the wrong sign) changes no magnitude and stays unknown; "
     "known attitudes or another sensor must show it"
 )
-"""What no calibration without attitudes can tell."""
+"""What a calibration without known attitudes cannot determine."""
 
 _PLACES = {(0, 0): 3, (1, 1): 4, (2, 2): 5, (0, 1): 6, (0, 2): 7, (1, 2): 8}
 _FIELD = 9
-_ROUNDING = 1e-12  # of a value: what is certain by construction is not known any better
+_ROUNDING = 1e-12  # of a value: least relative uncertainty, even for values exact by construction
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Warmth:
-    """The temperatures of a calibration's readings, and the dependence of its bias on them.
+    """Temperature range of a calibration's readings, and temperature drift of its bias.
 
     Attributes:
-        reference: the temperature in degC at which the bias is stated.
-        low: the lowest temperature of the readings in degC.
-        high: the highest.
-        drift: change of the bias by axis, in the unit of the readings per K; None if the readings show none.
+        reference: reference temperature of the bias [degC].
+        low: lowest temperature of the readings [degC].
+        high: highest temperature of the readings [degC].
+        drift: temperature coefficient of the bias by axis, in the unit of the readings per K; None if not determined.
         spread: its standard uncertainty by axis.
     """
 
@@ -55,19 +55,19 @@ class Calibration:
     """Bias and matrix of one magnetometer.
 
     Attributes:
-        unit: of readings, bias and field.
-        bias: reading without a field, in `unit`.
-        matrix: symmetric and positive definite, without a unit; of determinant 1 where the field is not known.
-        field: magnitude of calibrated readings in `unit`: the mean of the known ones, or the expected field that the
-            matrix of determinant 1 gives.
-        absolute: whether the magnitude of the field was known, so that the matrix holds the scale as well.
-        covariance: (10, 10), of bias, of the elements xx, yy, zz, xy, xz, yz of the matrix, and of the field; None if
+        unit: unit of readings, bias and field.
+        bias: reading in zero field, in `unit`.
+        matrix: symmetric and positive definite, dimensionless; determinant 1 where the field is unknown.
+        field: magnitude of calibrated readings in `unit`: the mean of the known ones, or the expected field for a
+            matrix of determinant 1.
+        absolute: whether the field magnitude was known, so that the matrix includes the absolute scale.
+        covariance: (10, 10), of bias, matrix elements xx, yy, zz, xy, xz, yz, and field; None if
             unknown.
         dof: degrees of freedom of the covariance.
         method: `ellipsoid`, `likelihood` or `twostep`.
         shape: `sphere`, `aligned` or `general`.
-        observable: whether the readings show the numbers; where not, every figure says so and nothing is exported.
-        warmth: the temperatures of the readings, None if they are not known; then the bias has no slope.
+        observable: whether the readings determine the result; if not, every figure is NOT_OBSERVABLE and export
+        refused. warmth: temperatures of the readings, None if unknown; the bias then has no slope.
     """
 
     unit: str
@@ -87,8 +87,8 @@ class Calibration:
         """Return fields (n, 3) for readings (n, 3), both in `unit`.
 
         Args:
-            measured: the readings.
-            temperature: of the sensor at each of them in degC, shape (n,) or one; the reference temperature if None.
+            measured: readings (n, 3).
+            temperature: sensor temperature in degC, shape (n,) or one for all; the reference temperature if None.
         """
         bias = np.array(self.bias)
         if temperature is not None and self.warmth is not None and self.warmth.drift is not None:
@@ -99,9 +99,9 @@ class Calibration:
     def directions(
         self, measured: ArrayLike, temperature: ArrayLike | None = None
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return where fields for readings (n, 3) point: angle about z in deg and z of the direction, shape (n,) each.
+        """Return the field directions for readings (n, 3): azimuth about z in deg, and z of the unit vector, each (n,).
 
-        Equal areas of the sphere are equal areas of a map of these. Arguments as of `correct`.
+        A map of the two is equal-area. Arguments as for `correct`.
         """
         field = self.correct(measured, temperature)
         return np.degrees(np.arctan2(field[:, 1], field[:, 0])), field[:, 2] / np.sqrt(np.square(field).sum(axis=1))
@@ -109,7 +109,7 @@ class Calibration:
     @property
     @traced
     def drifts(self) -> Mapping[str, Figure]:
-        """The change of the bias per K by axis; empty if the readings show none."""
+        """Temperature coefficient of the bias by axis, per K; empty if not determined."""
         if self.warmth is None or self.warmth.drift is None or self.warmth.spread is None:
             return {}
         unit, pairs = f"{self.unit}/K", zip(AXES, self.warmth.drift, self.warmth.spread, strict=True)
@@ -126,7 +126,7 @@ class Calibration:
     @property
     @traced
     def elements(self) -> Mapping[str, Figure]:
-        """The matrix by its elements xx, yy, zz, xy, xz and yz."""
+        """Matrix elements xx, yy, zz, xy, xz and yz by name."""
         return {
             AXES[row] + AXES[column]: self._figure(self.matrix[row][column], "1", place)
             for (row, column), place in _PLACES.items()
@@ -135,7 +135,7 @@ class Calibration:
     @property
     @traced
     def expected_field(self) -> Figure:
-        """The magnitude of calibrated readings; exact where it was known."""
+        """Magnitude of calibrated readings; exact where it was known."""
         return self._figure(self.field, self.unit, _FIELD)
 
     def _figure(self, value: float, unit: str, place: int) -> Figure:

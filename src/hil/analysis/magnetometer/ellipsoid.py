@@ -1,4 +1,4 @@
-"""The ellipsoid on which readings of a constant field lie: sphere, along the axes, or general.
+"""Ellipsoid fit to readings of a constant field: sphere, axis-aligned, or general.
 
 Source: the model is that of MATLAB's `magcal`, (x - b) R (x - b)' = F²; the fit is the algebraic one of T. Ozyagcilar,
 Calibrating an eCompass in the Presence of Hard- and Soft-Iron Interference, Freescale AN4246 rev. 4 (2015), for 4, 7
@@ -19,10 +19,10 @@ __all__ = ["fit"]
 def fit(readings: Array, shape: str) -> Estimate:
     """Return bias and gain with |gain · (x - bias)| = 1 for readings (n, 3) of a field of constant magnitude.
 
-    The quadric w'Qw + p'w + c = 0 through the readings, its coefficients of unit length in the Frobenius norm, is the
-    eigenvector of the smallest eigenvalue of the sum of squared rows. Before, readings are moved to their mean and
-    brought to unit spread (together for a sphere, for each axis, or by their covariance), so that neither units, nor a
-    rotation, nor a large bias count. A quadric other than an ellipsoid gives a gain of NaN.
+    The coefficients of the quadric w'Qw + p'w + c = 0 through the readings, of unit Frobenius norm, are the eigenvector
+    of the smallest eigenvalue of the scatter matrix of its rows. Readings are first centred and scaled to unit spread
+    (jointly for a sphere, per axis, or by their covariance), so that the result does not depend on units, rotation or a
+    large bias. A quadric that is not an ellipsoid makes the gain NaN.
 
     Args:
         readings: shape (n, 3), in any unit.
@@ -44,7 +44,7 @@ def fit(readings: Array, shape: str) -> Estimate:
 
 
 def _whitening(centred: Array, shape: str) -> Array:
-    """Return the symmetric matrix that gives readings unit spread, as far as the shape allows; NaN if they are flat."""
+    """Return the symmetric matrix that whitens readings, as far as the shape allows; NaN if they are coplanar."""
     covariance = centred.T @ centred / len(centred)
     if shape == "sphere":
         covariance = np.eye(3) * np.trace(covariance) / 3.0
@@ -66,7 +66,7 @@ def _rows(points: Array, shape: str) -> Array:
 
 
 def _matrix(found: Array, shape: str) -> tuple[Array, Array, float]:
-    """Return Q, p and c of the coefficients of a row."""
+    """Return Q, p and c from the coefficient vector."""
     if shape == "sphere":
         quadric = np.eye(3) * found[0] / math.sqrt(3.0)
     elif shape == "aligned":

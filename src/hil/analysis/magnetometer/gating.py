@@ -1,4 +1,4 @@
-"""The gates of a calibration before it is used."""
+"""Gates on a magnetometer calibration."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from hil.analysis.magnetometer.geometry import CELLS, WHOLE, Array, Estimate, co
 
 __all__ = ["certain", "noisy", "outlying", "scatter", "shown"]
 
-_COVERED, _RANDOM = 0.45, 0.8  # share of cells; and of those that as many random directions would reach
-_FEW, _CAP = 100, 78.0  # readings whose cells tell too little; half angle in deg of the cap that they must not fit into
+_COVERED, _RANDOM = 0.45, 0.8  # least share of cells; and of those that as many random directions would reach
+_FEW, _CAP = 100, 78.0  # readings below which cells mean little; half angle in deg of a cap to exceed
 _CONDITION = 1000.0  # of the Fisher matrix
-_UNCERTAIN = 0.05  # of the field: a bias less certain is not observable
-_SCATTER = 0.05  # of the field, rms: residuals that are not noise of the sensor
+_UNCERTAIN = 0.05  # of the field: largest uncertainty of an observable bias
+_SCATTER = 0.05  # of the field, rms: more is not sensor noise
 _REJECTED = 0.1  # of the readings
-_LOUDER, _DEVIATIONS = 1.3, 4.0  # residuals over the stated noise, beside what so few readings make by chance
+_LOUDER, _DEVIATIONS = 1.3, 4.0  # allowed ratio of residuals to the stated noise, and standard deviations for chance
 
 
 def _gate(name: str, ok: bool, told: str, wrong: str, samples: tuple[int, ...] = ()) -> Gate:
@@ -25,7 +25,7 @@ def _gate(name: str, ok: bool, told: str, wrong: str, samples: tuple[int, ...] =
 
 
 def shown(direction: Array, condition: float, estimate: Estimate) -> tuple[Gate, ...]:
-    """Check whether the readings show bias and matrix: ellipsoid, convergence, coverage, and every parameter."""
+    """Return the gates of observability: ellipsoid, convergence, coverage, and condition."""
     return (
         Gate(name="ellipsoid", channel="", ok=True, reason="the readings lie on an ellipsoid"),
         _gate("converged", estimate.converged, f"the fit took {estimate.iterations} steps", "it did not converge"),
@@ -40,7 +40,7 @@ def shown(direction: Array, condition: float, estimate: Estimate) -> tuple[Gate,
 
 
 def _covered(direction: Array) -> Gate:
-    """Ask for directions all over the sphere: for cells that they reach, and where they are few, for no cap of it."""
+    """Return the gate on coverage of the sphere: by cells, and for few readings by the smallest enclosing cap."""
     share, count = coverage(direction), len(direction)
     least = min(_COVERED, _RANDOM * (1.0 - (1.0 - 1.0 / CELLS) ** count))
     cap = math.degrees(math.acos(gathered(direction))) if count < _FEW else 180.0
@@ -56,7 +56,7 @@ def _covered(direction: Array) -> Gate:
 
 
 def certain(covariance: Array | None, field: float) -> Gate:
-    """Check the least certain direction of the bias against the field in the sensor's unit."""
+    """Return the gate on the bias uncertainty in its worst direction, relative to the field in the sensor's unit."""
     known = covariance is not None and bool(np.isfinite(covariance).all())
     largest = math.sqrt(max(0.0, float(np.linalg.eigvalsh(covariance[:3, :3])[-1]))) if known else math.inf  # type: ignore[index]
     return _gate(
@@ -68,7 +68,7 @@ def certain(covariance: Array | None, field: float) -> Gate:
 
 
 def scatter(residual: Array, field: float, *, known: bool) -> Gate:
-    """Check whether the residuals can be sensor noise."""
+    """Return the gate on residuals being small enough for sensor noise."""
     rms = math.sqrt(float(np.square(residual).mean())) / field
     cause = "the known magnitude is not that of these readings" if known else "the magnitude is not constant"
     return _gate(
@@ -80,7 +80,7 @@ def scatter(residual: Array, field: float, *, known: bool) -> Gate:
 
 
 def outlying(outliers: tuple[int, ...], count: int) -> Gate:
-    """Check whether only few readings were left out."""
+    """Return the gate on the share of rejected readings."""
     return _gate(
         "outliers",
         len(outliers) <= _REJECTED * count,
@@ -91,7 +91,7 @@ def outlying(outliers: tuple[int, ...], count: int) -> Gate:
 
 
 def noisy(found: float, stated: float, dof: float) -> Gate:
-    """Check whether the residuals are as small as the stated noise."""
+    """Return the gate on residuals against the stated noise."""
     most = _LOUDER * (1.0 + _DEVIATIONS / math.sqrt(2.0 * dof))
     return _gate(
         "noise",

@@ -1,4 +1,4 @@
-"""Common to all fits: field = gain · (reading - bias) with a symmetric gain, linearised about an estimate.
+"""Shared by all fits: field = gain · (reading - bias) with a symmetric gain, linearised about an estimate.
 
 Notation: x is a reading, b the bias, G the gain, y = G (x - b) the calibrated field, F its known magnitude,
 u = y / |y| its direction, and r = |y| - F the residual.
@@ -31,7 +31,7 @@ __all__ = [
 
 Array: TypeAlias = NDArray[np.float64]
 
-_CAP_STEPS, _CENTRAL = 200, 0.02  # steps towards the cap's axis; a length below is none: the cap is the sphere
+_CAP_STEPS, _CENTRAL = 200, 0.02  # steps towards the cap's axis; below this length there is no cap but the sphere
 
 _PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 _ROWS, _COLUMNS = (np.array(each) for each in zip(*_PAIRS, strict=True))
@@ -41,25 +41,25 @@ BASES: dict[str, Array] = {
     "aligned": np.eye(6)[:, :3],
     "general": np.eye(6),
 }
-"""By shape: how the elements xx, yy, zz, xy, xz, yz of the gain follow from what is fitted, each (6, m)."""
+"""By shape: matrix (6, m) from the m fitted parameters to the gain's elements xx, yy, zz, xy, xz, yz."""
 
 _SECTORS = (3, 9, 12, 12, 9, 3)
 CELLS = sum(_SECTORS)
-"""Cells of equal area into which directions are sorted."""
+"""Number of equal-area cells for directions."""
 
 WHOLE = 2.5
-"""Condition of the Fisher matrix of a general ellipsoid whose directions are spread evenly over the sphere."""
+"""Condition of the Fisher matrix of a general ellipsoid with directions uniform over the sphere."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Estimate:
-    """Bias and gain as a fit gives them.
+    """Bias and gain from a fit.
 
     Attributes:
         bias: (3,), in the unit of the readings.
         gain: (3, 3), symmetric and positive definite, field per reading; NaN where the fit found no ellipsoid.
         converged: whether the fit converged.
-        iterations: how many steps it took, 0 where it is direct.
+        iterations: number of steps, 0 for a direct fit.
     """
 
     bias: Array
@@ -79,9 +79,9 @@ class Linearised:
 
     Attributes:
         residual: (n,), r, in the unit of the field.
-        jacobian: (3 + m, n), change of r per bias and per element of the gain that is fitted; taken at the point of
-            the ellipsoid next to the reading, so that it does not follow the reading's own noise.
-        spread: (n,), |G u|: standard deviation of r per standard deviation of a reading's noise along each axis.
+        jacobian: (3 + m, n), derivative of r by bias and fitted gain elements; taken at the ellipsoid's nearest point,
+            so that it is independent of the reading's own noise.
+        spread: (n,), |G u|: standard deviation of r per standard deviation of the noise along each axis.
         curvature: (n,), mean of r per variance of that noise, (tr G² - |G u|²) / (2 F).
         direction: (n, 3), u.
     """
@@ -94,7 +94,7 @@ class Linearised:
 
 
 def symmetric(elements: Array) -> Array:
-    """Return the symmetric matrix (3, 3) of the elements xx, yy, zz, xy, xz, yz."""
+    """Return the symmetric matrix (3, 3) from the elements xx, yy, zz, xy, xz, yz."""
     matrix = np.empty((3, 3))
     matrix[_ROWS, _COLUMNS] = matrix[_COLUMNS, _ROWS] = elements
     return matrix
@@ -106,9 +106,9 @@ def upper(matrix: Array) -> Array:
 
 
 def root(matrix: Array) -> Array:
-    """Return the symmetric positive definite root of such a matrix (3, 3); NaN where it is not positive definite.
+    """Return the symmetric square root of a positive definite matrix (3, 3); NaN if it is not positive definite.
 
-    By eigenvalues: those of a singular value decomposition have lost their signs.
+    By eigenvalues: singular values lose the sign.
     """
     if not np.isfinite(matrix).all():
         return np.full((3, 3), math.nan)
@@ -130,7 +130,7 @@ def linearised(readings: Array, field: Array, estimate: Estimate, basis: Array) 
     dr/dG_ij = u_i (x - b)_j, twice symmetrised.
     """
     gain = estimate.gain
-    centred = readings.T - estimate.bias[:, None]  # rows of n numbers: several times faster than n rows of three
+    centred = readings.T - estimate.bias[:, None]  # three rows of n are several times faster than n rows of three
     calibrated = gain @ centred
     length = _long(calibrated)
     residual = length - field
@@ -156,9 +156,9 @@ def _long(rows: Array) -> Array:
 
 
 def coverage(direction: Array) -> float:
-    """Return which part of the sphere directions (n, 3) reach: the share of 48 cells of equal area that hold one.
+    """Return the share of 48 equal-area cells of the sphere that directions (n, 3) reach.
 
-    The cells are rings of 3, 9, 12, 12, 9 and 3, about as wide as they are high.
+    The cells form rings of 3, 9, 12, 12, 9 and 3, about as wide as high.
     """
     edges = 1.0 - np.cumsum((0, *_SECTORS)) * (2.0 / CELLS)
     ring = np.clip(np.searchsorted(-edges, -direction[:, 2], side="right") - 1, 0, len(_SECTORS) - 1)
@@ -169,10 +169,10 @@ def coverage(direction: Array) -> float:
 
 
 def gathered(direction: Array) -> float:
-    """Return the cosine of the half angle of the narrowest cap of the sphere that holds all directions (n, 3).
+    """Return the cosine of the half angle of the smallest spherical cap enclosing all directions (n, 3).
 
-    The cap's axis is that of the point of the directions' convex hull next to the origin, found by the steps of
-    M. Badoiu and K. L. Clarkson, Smaller Core-Sets for Balls, SODA 2003. It is -1 where no cap but the sphere does.
+    The cap's axis points to the convex hull's nearest point to the origin, found by the iteration of M. Badoiu and K.
+    L. Clarkson, Smaller Core-Sets for Balls, SODA 2003. It is -1 where only the whole sphere encloses them.
     """
     axis = direction.mean(axis=0)
     for step in range(2, _CAP_STEPS):
@@ -185,9 +185,9 @@ def fisher_condition(direction: Array, field: Array, basis: Array) -> float:
     """Return the condition of the Fisher matrix: the largest over the smallest eigenvalue, infinite if singular.
 
     The parameters are the offset in the field's frame over the mean magnitude, and the relative change of the gain in
-    a basis of unit length, so that neither units nor the sensor's own gain count: rows are
-    (-u, F/mean(F) (u_x², u_y², u_z², sqrt2 u_x u_y, sqrt2 u_x u_z, sqrt2 u_y u_z)). Directions all over the sphere
-    give 2.5 (`WHOLE`); a half of it, or a cone, gives ever more.
+    an orthonormal basis, so that units and the sensor's own gain have no effect: rows are (-u, F/mean(F) (u_x², u_y²,
+    u_z², sqrt2 u_x u_y, sqrt2 u_x u_z, sqrt2 u_y u_z)). Full coverage of the sphere gives 2.5 (`WHOLE`); a hemisphere,
+    or a cone, gives more.
     """
     products = direction[:, _ROWS] * direction[:, _COLUMNS]
     products[:, 3:] *= math.sqrt(2.0)

@@ -1,4 +1,4 @@
-"""Export of a magnetometer's calibration: JSON with a fingerprint, C for a flight computer, and its self-check."""
+"""Export of a magnetometer calibration: JSON with a fingerprint, C header for a flight computer, and self-check."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ __all__ = [
 ]
 
 FORMAT = "hil/magnetometer-calibration/1"
-"""What the document's `schema` says."""
+"""The document's `schema`."""
 
-_CERTAIN = 6  # digits of a covariance: more differ from one linear algebra to another
-_PRINTED = 1e-6  # of the field: what nine printed digits may change, with room
+_CERTAIN = 6  # digits of a covariance: further ones depend on the linear algebra library
+_PRINTED = 1e-6  # of the field: the effect of rounding to nine digits, with margin
 
 
 def as_document(calibration: Calibration) -> dict[str, object]:
@@ -63,7 +63,7 @@ def as_document(calibration: Calibration) -> dict[str, object]:
 
 
 def _told(warmth: Warmth) -> Mapping[str, object]:
-    """Return the temperatures as plain data; bias(T) = bias + drift (T - reference), T in degC."""
+    """Return the temperature model as plain data; bias(T) = bias + drift (T - reference), T in degC."""
     told: dict[str, object] = {"reference": warmth.reference, "low": warmth.low, "high": warmth.high}
     if warmth.drift is not None and warmth.spread is not None:
         told |= {"drift": list(warmth.drift), "uncertainty": list(warmth.spread)}
@@ -94,7 +94,10 @@ def _short(warmth: Warmth) -> Warmth:
 
 @traced
 def magnetometer_as_json(calibration: Calibration) -> str:
-    """Return the calibration as JSON text, the same for the same calibration.
+    """Return the calibration as canonical JSON text.
+
+    Args:
+        calibration: the calibration.
 
     Raises:
         Refused: a calibration that its readings do not show.
@@ -104,10 +107,13 @@ def magnetometer_as_json(calibration: Calibration) -> str:
 
 @traced
 def magnetometer_from_json(text: str) -> Calibration:
-    """Return the calibration that a JSON text holds.
+    """Parse a calibration from JSON text.
+
+    Args:
+        text: JSON text of an export.
 
     Raises:
-        Refused: text that is not such a document, or was changed after it was exported.
+        Refused: the text is not such a document, or was changed after export.
     """
     return interchange.opened(interchange.parsed(text), FORMAT, _calibration)
 
@@ -167,10 +173,13 @@ static const double magnetometer_matrix[3][3] = {{
 
 @traced
 def magnetometer_as_c_header(calibration: Calibration) -> str:
-    """Return a C99 header with the numbers that the JSON export prints, and its fingerprint.
+    """Return a C99 header with the numbers of the JSON export and its fingerprint.
+
+    Args:
+        calibration: the calibration.
 
     Raises:
-        Refused: a calibration that its readings do not show, or a unit that does not fit into C.
+        Refused: the calibration is not observable, or its unit is not valid in C.
     """
     interchange.printable((calibration.unit,))
     fingerprint = as_document(calibration)["fingerprint"]
@@ -209,7 +218,7 @@ def magnetometer_reproduction(
     field: ArrayLike | None = None,
     temperature: ArrayLike | None = None,
 ) -> str:
-    """Return `reproduced` if an export gives back the readings that it was made from, else `sample_disagreement`."""
+    """Return `reproduced` if an export reproduces its readings' residuals, otherwise `sample_disagreement`."""
     return sample_disagreement(exported, report, readings, field, temperature) or "reproduced"
 
 
@@ -221,16 +230,16 @@ def sample_disagreement(
     field: ArrayLike | None = None,
     temperature: ArrayLike | None = None,
 ) -> str:
-    """Return how an exported calibration deviates from the readings that it was made from; empty if it does not.
+    """Return how a calibration, as exported and read back, disagrees with the residuals of its readings; empty if not.
 
-    It has to give every reading the residual of the report, within a millionth of the field.
+    It must reproduce the report's residual of every reading within a millionth of the field.
 
     Args:
-        exported: as `magnetometer_from_json` returns it.
-        report: of the same readings.
-        readings: shape (n, 3).
-        field: as it was given to the fit.
-        temperature: likewise.
+        exported: the calibration from `magnetometer_from_json`.
+        report: the report on the same readings.
+        readings: readings, shape (n, 3).
+        field: field as passed to the fit.
+        temperature: temperature as passed to the fit.
     """
     known = exported.field if field is None else np.asarray(field, dtype=np.float64)
     apart = np.abs(lengths(exported.correct(readings, temperature)) - known - report.residual)

@@ -1,9 +1,9 @@
-"""The maximum-likelihood fit: distances of readings from their ellipsoids, by Gauss and Newton with damping.
+"""Maximum-likelihood fit: distances of readings from their ellipsoids, by damped Gauss-Newton steps.
 
-Readings have independent noise of one variance along each axis of the sensor. A reading x of a field F then is as
-far from its ellipsoid |G (x - b)| = F as r / |G u| to first order, and the likelihood of all is largest where the
-weighted sum of these squares is stationary. The magnitude of a noisy vector is on average too large by the curvature
-of the sphere (`Linearised.curvature`); this is corrected for.
+Readings have independent noise of equal variance along each axis of the sensor. The distance of a reading x of a field
+F from its ellipsoid |G (x - b)| = F is then r / |G u| to first order, and the likelihood is largest where the weighted
+sum of their squares is stationary. The magnitude of a noisy vector is biased high by the curvature of the sphere
+(`Linearised.curvature`); this is subtracted.
 
 Source: the likelihood of M. Kok and T. B. Schön, Magnetometer Calibration Using Inertial Sensors, IEEE Sensors Journal
 16 (2016) 5679, section IV, without the inertial sensors; distances as of P. D. Sampson, Computer Graphics and Image
@@ -19,7 +19,7 @@ from hil.analysis.magnetometer.geometry import BASES, Array, Estimate, Linearise
 __all__ = ["fit"]
 
 _MOST_STEPS = 60
-_RESTING = 1e-8  # of the square of a standard deviation: a step that nobody sees
+_RESTING = 1e-8  # convergence: squared step in standard deviations
 _ROUNDING = 1e-12  # of the field, likewise
 _DAMPED = (0.0, *(10.0**power for power in range(-6, 7)))
 
@@ -28,14 +28,14 @@ def fit(readings: Array, field: Array, start: Estimate, shape: str) -> Estimate:
     """Return bias and gain for readings (n, 3) in a field of known magnitudes (n,).
 
     Each step solves (J'WJ + lambda diag(J'WJ)) d = -J'W (r - curvature s²) with W = 1 / |G u|² and s² from the
-    residuals; lambda is the smallest of 0, 1e-6, 1e-5, ... 1e6 that does not enlarge the weighted sum of squares. It
+    residuals; lambda is the smallest of 0, 1e-6, 1e-5, ... 1e6 that does not increase the weighted sum of squares. It
     has converged when d'J'WJ d is far below s².
 
     Args:
-        readings: in the sensor's frame.
-        field: magnitudes; a constant one may be unknown, and ones stand for it.
-        start: from which the steps begin.
-        shape: see `BASES`.
+        readings: readings in the sensor's frame, (n, 3).
+        field: magnitudes (n,); ones if constant and unknown.
+        start: initial estimate.
+        shape: a key of `BASES`.
     """
     basis = BASES[shape]
     back = np.linalg.pinv(basis)
@@ -70,9 +70,9 @@ def _damped(
     now: Linearised,
     basis: Array,
 ) -> tuple[Array, Estimate, Linearised] | None:
-    """Return the least damped step that does not make the sum of squares larger by more than a variance.
+    """Return the least damped step that does not increase the sum of squares by more than one variance.
 
-    Less than that is no divergence: weights and nearest points move with each step. None where there is no such step.
+    A smaller increase is not divergence: weights and nearest points change with each step. None if there is none.
     """
     fisher, wanted, scale = equations
     weight = 1.0 / np.square(now.spread)

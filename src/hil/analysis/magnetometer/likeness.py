@@ -1,4 +1,4 @@
-"""Correlated residuals of neighbouring readings: a fit is less certain than one of as many independent readings."""
+"""Correlation of neighbouring residuals: inflation of a fit's variance over that of independent readings."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ from hil.analysis.magnetometer.geometry import Array
 
 __all__ = ["inflation"]
 
-_BLOCKS = 16  # the fewest that tell how much sums over them scatter
-_DEVIATIONS = 4.0  # of what chance makes of independent residuals: less is none
+_BLOCKS = 16  # least number of blocks for the scatter of their sums
+_DEVIATIONS = 4.0  # significance needed, in standard deviations for independent residuals
 
 
 def inflation(shares: Array) -> float:
-    """Return by which factor the variance of a fit exceeds that of independent residuals, at least 1.
+    """Return the factor by which the variance of a fit exceeds that for independent residuals, at least 1.
 
-    Sums over blocks of m neighbours scatter as much as their members do where residuals are independent, and up to m
-    times more where they are alike. The mean over all parameters is taken, and the largest of blocks of 2, 4, 8, ...
-    readings that chance does not explain, where the directions of a block may all be one. Changes over more than a
-    sixteenth of the readings show in part only.
+    The variance of sums over blocks of m neighbours is the sum of their variances for independent residuals, and up to
+    m times that for correlated ones. The factor is the mean over all parameters, and the largest over blocks of 2, 4,
+    8, ... readings that is significant, where all directions of a block may coincide. Changes over more than a
+    sixteenth of the readings are only partly detected.
 
     Source: the variance of means over batches, as in C. J. Geyer, Practical Markov Chain Monte Carlo, Statistical
     Science 7 (1992) 473, section 3.
 
     Args:
-        shares: what each residual adds to each parameter, shape (p, n), in the order in which they were read.
+        shares: contribution of each residual to each parameter, shape (p, n), in order of reading.
     """
     parameters, count = shares.shape
     alone = shares @ shares.T

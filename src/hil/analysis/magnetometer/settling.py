@@ -1,4 +1,4 @@
-"""A fit that is robust against outliers, by any method and of any shape."""
+"""Robust fitting: rejection of outliers, and selection of the shape, for any method."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ Shape: TypeAlias = Literal["auto", "sphere", "aligned", "general"]
 
 _Which: TypeAlias = NDArray[np.bool_]
 
-_LOOKED_AT = 1000  # readings from which the first estimate comes
-_KEPT = 0.75  # of them, those of the smallest residuals: what outliers must not reach
-_NEARLY_ALL, _FAR = 0.95, 4.0  # share of readings, and times as far from the median as these: none of a sensor
+_LOOKED_AT = 1000  # readings used for the first estimate
+_KEPT = 0.75  # share of them with the smallest residuals, beyond the reach of outliers
+_NEARLY_ALL, _FAR = 0.95, 4.0  # share of readings, and multiple of their distance that marks corruption
 _TRIMMINGS, _REJECTIONS = 10, 10
-_UNLIKELY = 0.01  # chance that a recording without outliers has one that is named so
-_NORMAL = 1.4826  # standard deviations of normal noise in its median absolute deviation
-_ROUNDING = 1e-12  # of the field: residuals below are none
-_VARIES = 1e-3  # of the field: a magnitude that varies by less is constant
-_PASSES = 10  # of TWOSTEP, each with the weights of the one before, until its first step is none
+_UNLIKELY = 0.01  # false-alarm probability of an outlier per recording
+_NORMAL = 1.4826  # standard deviation over median absolute deviation of normal noise
+_ROUNDING = 1e-12  # of the field: smaller residuals are rounding
+_VARIES = 1e-3  # of the field: a smaller variation counts as constant
+_PASSES = 10  # of TWOSTEP, each with the weights of the previous one, until its first step vanishes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Given:
-    """What is fitted.
+    """Input of a fit.
 
     Attributes:
         readings: (n, 3).
@@ -52,24 +52,24 @@ class Given:
         return float(np.ptp(self.field)) > _VARIES * float(self.field.mean())
 
     def part(self, which: _Which | slice) -> Given:
-        """Return some of the samples."""
+        """Return a subset of the samples."""
         return Given(readings=self.readings[which], field=self.field[which], known=self.known)
 
 
 def typical(gain: Array) -> float:
-    """Return the geometric mean of the gain along its own axes."""
+    """Return the geometric mean of the gain along its principal axes."""
     return math.cbrt(abs(float(np.linalg.det(gain))))
 
 
 def _scaled(given: Given, estimate: Estimate) -> Array:
-    """Return residuals over |G u|, (n,): how far readings lie from the ellipsoid, in their unit."""
+    """Return residuals over |G u|, (n,): distances of readings from the ellipsoid, in their unit."""
     calibrated = (given.readings - estimate.bias) @ estimate.gain
     length = lengths(calibrated)
     return np.asarray((length - given.field) * length / lengths(calibrated @ estimate.gain))
 
 
 def started(given: Given) -> Estimate:
-    """Return a first estimate from a subset of the readings without outliers: the best of several."""
+    """Return a robust first estimate from a subset of the readings: the best of several trimmed fits."""
     part = given.part(slice(None, None, max(1, len(given.field) // _LOOKED_AT)))
     starts = [_trimmed(part, lambda some: _by_ellipsoid(some, "general"))]
     if part.varies:
@@ -84,7 +84,7 @@ def started(given: Given) -> Estimate:
 
 
 def _near(given: Given) -> Given:
-    """Return the readings without those so far off that they alone decide a fit: broken words of a bus."""
+    """Return the readings without those so far off that they would dominate a fit, such as corrupted bus words."""
     far = lengths(given.readings - np.median(given.readings, axis=0))
     return given.part(far <= _FAR * np.quantile(far, _NEARLY_ALL))
 
@@ -103,7 +103,7 @@ def _by_centre(given: Given) -> Estimate:
 
 
 def _trimmed(given: Given, fit: Callable[[Given], Estimate]) -> Estimate:
-    """Return a fit to the readings that it fits best, found by turns of fitting and choosing."""
+    """Return a trimmed fit, found by alternating between fitting and selecting the best-fitting readings."""
     estimate, kept = fit(given), np.ones(len(given.field), dtype=np.bool_)
     for _ in range(_TRIMMINGS):
         if not estimate.physical:
@@ -117,7 +117,7 @@ def _trimmed(given: Given, fit: Callable[[Given], Estimate]) -> Estimate:
 
 
 def settled(given: Given, start: Estimate, method: Method, shape: str) -> tuple[_Which, Estimate]:
-    """Return which readings are no outliers, and the fit to them, where both agree."""
+    """Return the mask of readings that are not outliers, and the fit to them, iterated until consistent."""
     kept: _Which = np.ones(len(given.field), dtype=bool)
     estimate = start
     if not start.physical:
@@ -150,9 +150,9 @@ def _fitted(given: Given, start: Estimate, method: Method, shape: str) -> Estima
 
 
 def _by_twostep(given: Given, start: Estimate) -> Estimate:
-    """Return the result of TWOSTEP, with the noise that its own residuals show, about an estimate.
+    """Return the result of TWOSTEP about an estimate, with the noise taken from its own residuals.
 
-    Readings are brought to no bias, a gain near one and a field near one.
+    Readings are normalised to zero bias, and gain and field near one.
     """
     estimate, mean = start, float(given.field.mean())
     for _ in range(_PASSES):
@@ -171,10 +171,10 @@ def _by_twostep(given: Given, start: Estimate) -> Estimate:
 
 
 def chosen(given: Given, general: Estimate) -> Shape:
-    """Return the shape with the best evidence.
+    """Return the shape with the best Bayesian information criterion.
 
-    The sum of squares of a simpler shape is that of the general one and the least that its quadratic approximation adds
-    where the gain is held to the shape and the bias is free.
+    The sum of squares of a simpler shape is that of the general one plus the least increase in its quadratic
+    approximation with the gain constrained to the shape and the bias free.
     """
     if not general.physical:
         return "general"

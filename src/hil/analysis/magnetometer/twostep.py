@@ -1,4 +1,4 @@
-"""TWOSTEP: bias and scale factors from readings of a field whose magnitude is known at each sample.
+"""TWOSTEP fit: bias and scale factors from readings of a field of known magnitude at each sample.
 
 Source: R. Alonso and M. D. Shuster, Complete Linear Attitude-Independent Magnetometer Calibration, Journal of the
 Astronautical Sciences 50 (2002) 477. Equation numbers are those of N. Piotrowski, Implementation and Characterization
@@ -20,14 +20,14 @@ __all__ = ["centred", "fit"]
 
 _MOST_STEPS = 50
 _HALVINGS = 10
-_RESTING = 1e-10  # of the square of a standard deviation: a step that nobody sees
-_UNSEEN = 1e-6  # likewise, of a step that cannot reduce the sum of squares any more: only rounding is left
-_ROUNDING = 1e-12  # of the effective measurements: what double precision leaves of residuals
+_RESTING = 1e-10  # convergence: squared step in standard deviations
+_UNSEEN = 1e-6  # likewise, for a step that no longer reduces the sum of squares: only rounding is left
+_ROUNDING = 1e-12  # of the effective measurements: rounding of residuals in double precision
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Equations:
-    """The centred problem of one set of weights; theta' is c, then E in the order 11, 22, 33, 12, 13, 23.
+    """The centred problem for one set of weights; theta' is c, then E in the order 11, 22, 33, 12, 13, 23.
 
     Attributes:
         fisher: (9, 9), F, equation 2.27.
@@ -44,7 +44,7 @@ class _Equations:
     offset: float
 
     def cost(self, theta: Array) -> float:
-        """Return what is minimised, but for a constant: half of the sum of squares."""
+        """Return the cost up to a constant: half of the sum of squares."""
         apart = self.apart(theta)
         return float(theta @ self.fisher @ theta / 2.0 - self.target @ theta) + self.total * apart**2 / 2.0
 
@@ -53,7 +53,7 @@ class _Equations:
         return self.offset - float(self.row @ theta) + float(theta[:3] @ _v(theta))
 
     def slope(self, theta: Array) -> Array:
-        """Return L-bar - phi(theta'), equation 2.31: the change of the centre's residual, with the sign turned."""
+        """Return L-bar - phi(theta'), equation 2.31: minus the derivative of the centre's residual."""
         v = _v(theta)
         phi = np.concatenate([2.0 * v, -np.square(v), -2.0 * v[[0, 0, 1]] * v[[1, 2, 2]]])
         return np.asarray(self.row - phi)
@@ -65,9 +65,9 @@ def _v(theta: Array) -> Array:
 
 
 def centred(readings: Array, field: Array) -> Estimate:
-    """Return the centred solution, the first of the two steps, with equal weights and without regard to noise.
+    """Return the centred solution, the first of the two steps, with equal weights and neglecting noise.
 
-    It does without what the centre says, and needs a magnitude that varies: in a constant field it shows nothing.
+    It ignores the centre, and needs a varying magnitude: in a constant field it determines nothing.
     """
     equations = _centred(readings, field, np.ones(len(field)), 0.0)
     theta = np.linalg.lstsq(equations.fisher, equations.target, rcond=1e-12)[0]
@@ -78,15 +78,15 @@ def fit(readings: Array, field: Array, start: Estimate, variance: Array, mean: f
     """Return bias and gain for readings (n, 3) in a field of known magnitudes (n,); see Alonso and Shuster.
 
     The effective measurement z = |B|² - |R|² (2.18) is linear in theta' but for |b|² = c'v (2.30). From a start on,
-    Newton's steps (2.33) reduce the sum of squares of the centred measurements and of their centre; a step that does
-    not is halved. It has converged when eta (2.34) is far below what noise makes of the parameters.
+    Newton steps (2.33) reduce the sum of squares of the centred measurements and of their centre; a step that does
+    not is halved. It has converged when eta (2.34) is far below the effect of noise on the parameters.
 
     Args:
-        readings: B, in the unit of the field; best near one, without their bias, and of a gain near one.
-        field: |R|.
-        start: from which the steps begin.
-        variance: (n,), that of the effective measurements, in any common unit.
-        mean: that of all of them, in the square of the field's unit.
+        readings: B, in the unit of the field; preferably near one, bias removed, with a gain near one.
+        field: |R|, (n,).
+        start: initial estimate.
+        variance: (n,), variance of each effective measurement, in any common unit.
+        mean: mean of the effective measurements' variance, in the square of the field's unit.
     """
     equations = _centred(readings, field, 1.0 / variance, mean)
     square = start.gain @ start.gain
@@ -130,7 +130,7 @@ def _centred(readings: Array, field: Array, weight: Array, mean: float) -> _Equa
 
 
 def _reduced(equations: _Equations, theta: Array, change: Array) -> Array | None:
-    """Return where a step leads, halved until it reduces the sum of squares; None where it never does."""
+    """Return the result of a step, halved until it reduces the sum of squares; None if it never does."""
     before = equations.cost(theta)
     for _ in range(_HALVINGS):
         if equations.cost(theta + change) < before:
@@ -140,7 +140,7 @@ def _reduced(equations: _Equations, theta: Array, change: Array) -> Array | None
 
 
 def _scatter(readings: Array, field: Array, theta: Array, mean: float, variance: Array) -> float:
-    """Return the weighted sum of squares of what z leaves."""
+    """Return the weighted sum of squared residuals of z."""
     square, offset = np.eye(3) + symmetric(theta[3:]), float(theta[:3] @ _v(theta))
     left = np.einsum("ij,ij->i", readings @ square, readings) - 2.0 * readings @ theta[:3] + offset
     return float(np.sum(np.square(left - np.square(field) + mean) / variance))
@@ -149,7 +149,7 @@ def _scatter(readings: Array, field: Array, theta: Array, mean: float, variance:
 def _estimate(theta: Array, *, converged: bool, steps: int) -> Estimate:
     """Return bias and gain, equations 2.35 to 2.38: I + D is the positive root of I + E, and b = (I + D)^-1 c.
 
-    The bias returned is that of the readings, (I + D)^-1 b.
+    The returned bias is in terms of readings, (I + D)^-1 b.
     """
     square = np.eye(3) + symmetric(theta[3:])
     gain = root(square)

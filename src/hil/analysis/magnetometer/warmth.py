@@ -1,4 +1,4 @@
-"""The bias of a magnetometer over temperature: a straight line in addition to the fit, or a tag where it shows none."""
+"""Temperature dependence of a magnetometer's bias: a linear term in the fit, or only a temperature tag."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from hil.model.errors import Refused
 
 __all__ = ["NONE", "Drift", "checked", "fitted"]
 
-_LEAST_SPAN = 5.0  # K: over less a slope says nothing, and the calibration is tagged with its temperatures
+_LEAST_SPAN = 5.0  # K: least span for a slope; below it the calibration is only tagged with its temperatures
 _PASSES = 12
-_RESTING = 1e-3  # of a slope's standard uncertainty: a change that nobody sees
+_RESTING = 1e-3  # convergence: change in units of a slope's standard uncertainty
 _LOW, _HIGH = -100.0, 200.0  # degC
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Drift:
-    """The results from the temperatures of the readings.
+    """Temperature dependence found in the readings.
 
     Attributes:
         slope: (3,), change of the bias per K; zero where none was fitted.
-        warmer: (n,), K of each reading above the reference; None if temperatures are not known.
-        reference: the temperature in degC at which the bias is stated: the mean of the readings.
+        warmer: (n,), temperature of each reading relative to the reference [K]; None if unknown.
+        reference: reference temperature of the bias, the mean of the readings [degC].
         fits: whether a slope was fitted.
-        kept: which readings are no outliers.
+        kept: mask of the readings that are not outliers.
         estimate: bias at the reference, and gain.
     """
 
@@ -42,19 +42,19 @@ class Drift:
     estimate: Estimate = field(default_factory=lambda: Estimate(bias=np.zeros(3), gain=np.eye(3)))
 
     def at_reference(self, given: Given) -> Given:
-        """Return the readings as they would be at the reference temperature."""
+        """Return the readings reduced to the reference temperature."""
         if self.warmer is None or not self.fits:
             return given
         return replace(given, readings=given.readings - np.outer(self.warmer, self.slope))
 
     def with_slopes(self, about: Linearised) -> Linearised:
-        """Return residuals of the readings that are kept, with the change per slope below the others."""
+        """Return the linearised residuals of the kept readings, with the derivatives by the slopes appended."""
         if self.warmer is None or not self.fits:
             return about
         return replace(about, jacobian=_with_slopes(about, self.warmer[self.kept]))
 
     def told(self, covariance: Array | None) -> Warmth | None:
-        """Return the temperature data of the calibration, with the covariance (3, 3) of the slopes."""
+        """Return the calibration's `Warmth`, given the covariance (3, 3) of the slopes."""
         if self.warmer is None:
             return None
         inside = self.reference + self.warmer[self.kept]
@@ -69,14 +69,14 @@ class Drift:
 
 
 NONE = Drift()
-"""Of readings whose temperature is not known."""
+"""For readings of unknown temperature."""
 
 
 def checked(temperature: ArrayLike, count: int) -> Array:
-    """Return temperatures (n,) in degC.
+    """Return temperatures (n,) in degC, validated.
 
     Raises:
-        Refused: another number of them, or what can be no temperature.
+        Refused: the number of temperatures is wrong, or a value is not plausible.
     """
     degrees = np.array(temperature, dtype=np.float64)
     if degrees.shape != (count,):
@@ -89,17 +89,17 @@ def checked(temperature: ArrayLike, count: int) -> Array:
 def fitted(
     given: Given, degrees: Array, kept: NDArray[np.bool_], estimate: Estimate, how: tuple[Method, Shape]
 ) -> Drift:
-    """Return the slope of the bias over temperature, and the fit to readings corrected for it.
+    """Return the temperature slope of the bias, and the fit to readings corrected for it.
 
-    The slope enters every residual as the bias does, times the temperature above the mean of the readings: each pass
-    solves for its change together with bias and gain, and fits these again by their own method. It has converged
-    when it changes by a thousandth of its uncertainty.
+    The slope enters every residual like the bias, times the temperature relative to the mean: each pass solves for its
+    change together with bias and gain, and refits these by their own method. It has converged when the change is below
+    a thousandth of its uncertainty.
 
     Args:
-        given: the readings as they are.
-        degrees: (n,).
-        kept: which are no outliers of the fit without a slope.
-        estimate: that fit.
+        given: the uncorrected readings.
+        degrees: temperatures in degC, (n,).
+        kept: mask of readings that are not outliers of the fit without a slope.
+        estimate: the fit without a slope.
         how: method and shape.
     """
     reference = float(degrees[kept].mean())

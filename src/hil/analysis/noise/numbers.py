@@ -1,4 +1,4 @@
-"""The one place that draws random numbers: by index, so that reading them in different pieces cannot change them."""
+"""Random numbers addressed by index, so that the order and size of reads cannot change them."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from numpy.typing import NDArray
 __all__ = ["BLOCK", "RandomStream"]
 
 BLOCK = 64
-"""How many numbers follow from one state of the generator."""
+"""Numbers per state of the generator."""
 
 _WORD = 2**64
 
 
 class RandomStream:
-    """Numbers of one purpose, addressed by index (Philox 4x64, counter-based).
+    """Random numbers for one purpose, addressed by index (Philox 4x64, counter-based).
 
-    A value depends on the key and the index only. There is nothing to save or restore.
+    A value depends only on key and index, so there is no state to save or restore.
 
     Args:
-        key: the 128-bit key of the generator.
+        key: 128-bit key of the generator.
     """
 
     def __init__(self, key: int) -> None:
@@ -31,7 +31,7 @@ class RandomStream:
         self._uniforms: NDArray[np.float64] = np.empty(0)
 
     def normal(self, index: int) -> float:
-        """Return the standard normal number of that index, counted from 0."""
+        """Return the standard normal number at an index, counted from 0."""
         block, place = divmod(index, BLOCK)
         if block != self._normal_block:
             self._normals = self.normals(block)
@@ -39,12 +39,12 @@ class RandomStream:
         return self._normals[place]
 
     def normals(self, block: int) -> list[float]:
-        """Return the numbers of `normal` from index `BLOCK * block` on, as many as that."""
+        """Return BLOCK numbers of `normal`, from index `BLOCK * block` on."""
         numbers: list[float] = self._generator(block, 0).standard_normal(BLOCK).tolist()
         return numbers
 
     def uniform(self, index: int) -> float:
-        """Return the number of that index, counted from 0, uniform in [0, 1)."""
+        """Return the uniform number in [0, 1) at an index, counted from 0."""
         block, place = divmod(index, BLOCK)
         if block != self._uniform_block:
             self._uniforms = self._generator(block, 1).random(BLOCK)
@@ -54,8 +54,8 @@ class RandomStream:
     def normal_block(self, number: int, size: int) -> NDArray[np.float64]:
         """Return the first `size` standard normal numbers of a block, counted from 0, shape (size,).
 
-        Blocks are as long as anybody wants them, and have nothing in common with each other, nor with the numbers of
-        `normal`. A longer part of a block begins with the shorter.
+        Blocks can be of any length, and are independent of each other and of the numbers of `normal`. A longer part of
+        a block begins with the shorter.
         """
         return self._generator(number, 2).standard_normal(size)
 
@@ -66,7 +66,7 @@ class RandomStream:
 
 
 class _Source:
-    """A generator that is set to one counter after the other: a new one takes ten times as long."""
+    """A generator reused by resetting its counter: creating a new one takes ten times as long."""
 
     def __init__(self, key: int) -> None:
         self._philox = np.random.Philox(key=key)

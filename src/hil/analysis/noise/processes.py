@@ -1,4 +1,4 @@
-"""Kinds of noise of a sensor: white, flicker, random walk and quantisation of the angle, in blocks of samples."""
+"""Noise processes of a sensor: white, flicker, random walk and angle quantisation, in blocks of samples."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _UNFELT = 1e-20
 
 
 class Normals(Protocol):
-    """Where random numbers come from."""
+    """Source of normal random numbers."""
 
     def normal_block(self, number: int, size: int) -> NDArray[np.float64]:
         """Return the first `size` standard normal numbers of a block, counted from 0, shape (size,)."""
@@ -31,10 +31,10 @@ class Normals(Protocol):
 
 
 class Process(ABC):
-    """One kind of noise, block by block.
+    """One noise process, generated block by block.
 
     Attributes:
-        carried: the names, without their underscore, of what goes over from one block to the next.
+        carried: names, without their underscore, of the state carried from one block to the next.
     """
 
     carried: ClassVar[tuple[str, ...]] = ("last",)
@@ -44,7 +44,7 @@ class Process(ABC):
         """Return the samples of block `number`, shape (block,); blocks are taken in their order from 0 on."""
 
     def state(self) -> dict[str, Any]:
-        """Return what goes over to the next block, as JSON values."""
+        """Return the state carried to the next block, as JSON values."""
         return {name: _copied(getattr(self, f"_{name}")) for name in self.carried}
 
     def restore(self, state: Mapping[str, Any]) -> None:
@@ -60,13 +60,13 @@ def _copied(value: Any) -> Any:  # noqa: ANN401 - a number, or a list of them
 def autoregressive(driver: _Array, coefficient: float, before: float) -> _Array:
     """Return y with y[k] = coefficient * y[k-1] + driver[k], where y[-1] is `before`.
 
-    Within a row of samples, y[k]/coefficient^k is a plain sum; what a row begins with fades over it. All of it is
-    done by sums and products of whole arrays, whose result is the same on every machine.
+    Within a row of samples, y[k]/coefficient^k is a plain sum; the initial value of a row decays over it. Only sums and
+    products of whole arrays are used, whose results are the same on every machine.
 
     Args:
-        driver: what comes in, shape (n,).
-        coefficient: above 0 and below 1.
-        before: the last value before the first one.
+        driver: input, shape (n,).
+        coefficient: between 0 and 1, exclusive.
+        before: the value before the first one.
     """
     growing, fading, felt = _weights(coefficient, driver.size)
     rows = -(-driver.size // growing.size)
@@ -84,28 +84,28 @@ def autoregressive(driver: _Array, coefficient: float, before: float) -> _Array:
 
 @lru_cache(maxsize=64)
 def _weights(coefficient: float, size: int) -> tuple[_Array, _Array, _Array]:
-    """Return coefficient^-k and coefficient^k for a row as long as numbers stand it, and where a row feels the last."""
+    """Return coefficient^-k and coefficient^k for the longest row without overflow, and the weights of the last row."""
     longest = int(min(size, _LONGEST, max(1, _DECADES / -log10(coefficient))))
     fading = np.array(list(accumulate([1.0, *[coefficient] * (longest - 1)], mul)))
     return 1 / fading, fading, fading[fading > _UNFELT]
 
 
 class White(Process):
-    """White noise N, two-sided power density S(f) = N^2 (IEEE Std 952-1997, annex C), filtered, then sampled.
+    """White noise of level N, two-sided power density S(f) = N^2 (IEEE Std 952-1997, annex C), filtered, then sampled.
 
-    A filter with the noise bandwidth BW lets the variance 2 N^2 BW through, whatever the sample rate fs is. A density
-    that a datasheet gives is one-sided: sqrt(2) N.
+    A filter of noise bandwidth BW passes the variance 2 N^2 BW, whatever the sampling rate fs. Data sheets state the
+    one-sided density, sqrt(2) N.
 
-    Wider than fs/2, everything folds into the band: samples are independent, and an Allan analysis of them finds
-    N sqrt(2 BW/fs). Narrower, samples are a first-order autoregression of that variance, whose coefficient
-    (r - 1)/(r + 1) with r = fs/(2 BW) keeps N at low frequencies. A bandwidth of fs/2 gives the textbook's N sqrt(fs).
+    For BW above fs/2 the noise aliases into the band: samples are independent, and their Allan analysis gives
+    N sqrt(2 BW/fs). For a smaller BW samples are a first-order autoregression of that variance, whose coefficient
+    (r - 1)/(r + 1) with r = fs/(2 BW) keeps N at low frequencies. A bandwidth of fs/2 gives the textbook N sqrt(fs).
 
     Args:
-        stream: random numbers.
+        stream: source of random numbers.
         level: N, in the unit of the rate per sqrt(Hz).
-        rate: samples per second.
-        bandwidth: noise bandwidth of the filter in Hz.
-        block: samples of a block.
+        rate: sampling rate [Hz].
+        bandwidth: noise bandwidth of the filter [Hz].
+        block: samples per block.
     """
 
     def __init__(self, stream: Normals, level: float, *, rate: float, bandwidth: float, block: int) -> None:
@@ -136,13 +136,13 @@ class White(Process):
 class RandomWalk(Process):
     """Random walk of the rate, two-sided power density S(f) = (K/(2 pi f))^2 (IEEE Std 952-1997, annex C).
 
-    A sample adds K/sqrt(fs) times a standard normal number. The Allan variance of the samples is
-    K^2 (2 m^2 + 1)/(6 m fs), which tends to K^2 tau/3. It begins at zero.
+    Each sample adds K/sqrt(fs) times a standard normal number, starting at zero. The Allan variance of the samples is
+    K^2 (2 m^2 + 1)/(6 m fs), which tends to K^2 tau/3.
 
     Args:
         stream: random numbers.
         level: K, in the unit of the rate times sqrt(Hz).
-        rate: samples per second.
+        rate: sampling rate [Hz].
         block: samples of a block.
     """
 
@@ -165,15 +165,15 @@ class RandomWalk(Process):
 
 
 class AngleQuantisation(Process):
-    """The error of a quantised angle, differenced: sigma^2 = 3 Q^2/tau^2 (IEEE Std 952-1997, annex C).
+    """Rate error from angle quantisation: sigma^2 = 3 Q^2/tau^2 (IEEE Std 952-1997, annex C).
 
-    A sample of the rate adds fs (e[k] - e[k-1]), where the errors e are independent and of variance Q^2. Quantisation
-    of the rate itself is another matter, for the code that rounds the samples.
+    A sample of the rate adds fs (e[k] - e[k-1]), with independent errors e of variance Q^2. Quantisation of the rate
+    itself is left to the code that rounds the samples.
 
     Args:
         stream: random numbers.
         level: Q, in the unit of the angle.
-        rate: samples per second.
+        rate: sampling rate [Hz].
         block: samples of a block.
     """
 
@@ -196,8 +196,8 @@ _COEFFICIENT = 0.5
 _INNOVATION = sqrt(1 - _COEFFICIENT**2)
 _SLOW_OCTAVES = 10
 
-# The fastest octave and white noise of variance 2 together are one process: y[k] = y[k-1]/2 + c (w[k] - d w[k-1]).
-# Both sides of c^2 |1 - d z|^2 = 3/4 + 2 |1 - z/2|^2 agree for c^2 d = 1 and c^2 (1 + d^2) = 13/4.
+# The fastest octave plus white noise of variance 2 form one process: y[k] = y[k-1]/2 + c (w[k] - d w[k-1]), where
+# both sides of c^2 |1 - d z|^2 = 3/4 + 2 |1 - z/2|^2 agree for c^2 d = 1 and c^2 (1 + d^2) = 13/4.
 _DELAYED = (13 / 4 - sqrt((13 / 4) ** 2 - 4)) / 2
 _PRESENT = 1 / sqrt(_DELAYED)
 
@@ -260,7 +260,7 @@ class Flicker(Process):
         return values
 
     def _slow(self, number: int, drivers: NDArray[np.float64]) -> float:
-        """Return the sum of the octaves that hold their value for a block or longer."""
+        """Return the sum of the octaves that hold their value for at least one block."""
         total = 0.0
         for octave, driver in enumerate(drivers.tolist()):
             place = len(self._sizes) + octave

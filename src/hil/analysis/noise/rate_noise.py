@@ -1,4 +1,4 @@
-"""The noise of one axis by index of the sample: white, flicker, random walk, quantisation of the angle, and a ramp."""
+"""Noise of one axis by sample index: white, flicker, random walk, angle quantisation, and a ramp."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from hil.analysis.noise.processes import AngleQuantisation, Flicker, Normals, Pr
 __all__ = ["BLOCK", "NoiseLevels", "RateNoise"]
 
 BLOCK = 16384
-"""Samples of a block."""
+"""Samples per block."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NoiseLevels:
-    """The noise levels of an axis, in the terms and letters of IEEE Std 952-1997.
+    """Noise levels of an axis, in the terms and symbols of IEEE Std 952-1997.
 
     Attributes:
         white: angle random walk N [unit/sqrt(Hz)].
         flicker: bias instability B [unit]; its floor is 0.664 B.
         random_walk: random walk of the rate K [unit*sqrt(Hz)].
-        quantisation: of the angle, Q [unit*s].
-        ramp: drift rate R [unit/s], which is no noise.
+        quantisation: angle quantisation Q [unit*s].
+        ramp: drift rate R [unit/s], which is deterministic.
     """
 
     white: float = 0.0
@@ -37,14 +37,14 @@ class NoiseLevels:
 
 
 class RateNoise:
-    """Samples 0, 1, 2… of one axis. A sample depends on the streams and its index only.
+    """Noise samples 0, 1, 2… of one axis; a sample depends only on the streams and its index.
 
-    Blocks are made in their order, and the present one is kept: asking goes forwards, or back within a block.
+    Blocks are generated in order, and the present one is kept: access is forwards, or backwards within a block.
 
     Args:
-        stream: gives the random numbers of a name.
-        levels: what there is of each noise.
-        rate: samples per second.
+        stream: returns the source of random numbers for a name.
+        levels: noise levels.
+        rate: sampling rate [Hz].
         bandwidth: noise bandwidth of the filter before the sampling, in Hz.
     """
 
@@ -62,7 +62,7 @@ class RateNoise:
 
     @property
     def gone(self) -> int:
-        """How many samples cannot be made any more: those before the present block."""
+        """Number of samples that are no longer accessible: those before the present block."""
         return max(self._number, 0) * BLOCK
 
     def samples(self, first: int, count: int) -> NDArray[np.float64]:
@@ -86,18 +86,18 @@ class RateNoise:
         return np.concatenate(parts) if parts else np.empty(0)
 
     def sample(self, index: int) -> float:
-        """Return one sample; of a whole row `samples` is quicker."""
+        """Return one sample; `samples` is faster for a series."""
         place = index - self.gone
         if self._number >= 0 and 0 <= place < BLOCK:
             return float(self._values[place])
         return float(self.samples(index, 1)[0])
 
     def state(self) -> dict[str, Any]:
-        """Return what is needed to continue, as JSON values."""
+        """Return the state needed to continue, as JSON values."""
         return {"number": self._number, "carried": {name: dict(each) for name, each in self._carried.items()}}
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Continue from what `state` returned: make the present block again from what came into it.
+        """Continue from what `state` returned: regenerate the present block from the state before it.
 
         Raises:
             ValueError: it is the state of something else.

@@ -1,4 +1,4 @@
-"""A sensor that is simulated from a table of its levels: noise, range, resolution, temperature, clock and losses."""
+"""Simulated sensor from a table of its properties: noise, range, resolution, temperature, clock and losses."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ _PURPOSES = ("white", "flicker", "random walk", "quantisation", "jitter", "lost"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorModel:
-    """The properties of one axis of a sensor; `unit` is that of its numbers.
+    """Model of one axis of a sensor; `unit` is that of its readings.
 
     Attributes:
-        levels: of its noise.
-        rate: samples per second.
-        bandwidth: noise bandwidth of its filter [Hz], which noise passes before it is sampled; None for half the rate.
-        bias: polynomial of the temperature above `reference`, lowest power first [unit, unit/K, ...].
-        scale: the same of the relative error of the sensitivity [1, 1/K, ...].
+        levels: noise levels.
+        rate: sampling rate [Hz].
+        bandwidth: noise bandwidth of the pre-sampling filter [Hz]; None for half the rate.
+        bias: polynomial in temperature relative to `reference`, lowest power first [unit, unit/K, ...].
+        scale: the same for the relative sensitivity error [1, 1/K, ...].
         reference: temperature [degC] at which `bias[0]` and `scale[0]` hold.
-        lsb: what one count is [unit]; 0 for numbers that are not rounded.
-        full_scale: where readings stop, on both sides [unit].
-        jitter: standard deviation of the time stamps [s].
-        lost: share of the samples that are lost.
-        lost_run: how many are lost in a row, at least.
+        lsb: one count [unit]; 0 for no quantisation.
+        full_scale: saturation level, both signs [unit].
+        jitter: standard deviation of the timestamps [s].
+        lost: share of samples lost.
+        lost_run: least number lost in a row.
     """
 
     levels: NoiseLevels
@@ -51,11 +51,11 @@ class SensorModel:
 
 
 class SensorSamples(NamedTuple):
-    """Samples that were not lost.
+    """The samples that were not lost.
 
     Attributes:
-        times: as they are stamped [s], shape (n,); the first sample ends a period after 0.
-        values: shape (n,).
+        times: timestamps [s], shape (n,); the first sample ends one period after 0.
+        values: readings in the model's unit, shape (n,).
     """
 
     times: NDArray[np.float64]
@@ -63,11 +63,11 @@ class SensorSamples(NamedTuple):
 
 
 class SimulatedSensor:
-    """A sensor that delivers its samples in pieces. A sample depends on seed and index only, not on the pieces.
+    """A sensor read in pieces; a sample depends only on seed and index, not on the pieces.
 
     Args:
-        model: what it is.
-        seed: of its random numbers; axes and sensors of other seeds have other noise.
+        model: the sensor model.
+        seed: seed of its random numbers; different seeds give independent noise.
     """
 
     def __init__(self, model: SensorModel, *, seed: int) -> None:
@@ -87,12 +87,12 @@ class SimulatedSensor:
         self._next = 0
 
     def read(self, count: int, *, truth: ArrayLike = 0.0, temperature: ArrayLike | None = None) -> SensorSamples:
-        """Return the next `count` samples, without those that are lost.
+        """Return the next `count` samples, without the lost ones.
 
         Args:
-            count: how many.
-            truth: what there is to sense, a number or shape (count,).
-            temperature: of the sensor [degC], a number or shape (count,); None for its reference.
+            count: number of samples.
+            truth: true value of the measurand, a number or shape (count,).
+            temperature: sensor temperature [degC], a number or shape (count,); None for its reference.
         """
         model, first = self._model, self._next
         self._next += count
@@ -120,7 +120,7 @@ class SimulatedSensor:
 
 
 def _normals(stream: RandomStream, rate: float) -> RateNoise:
-    """Return standard normal numbers by index, which white noise of this level and bandwidth is."""
+    """Return standard normal numbers by index, as white noise of suitable level and bandwidth."""
     unit = NoiseLevels(white=1.0 / math.sqrt(rate))
     return RateNoise(lambda _: stream, unit, rate=rate, bandwidth=rate / 2)
 
@@ -129,5 +129,13 @@ def _normals(stream: RandomStream, rate: float) -> RateNoise:
 def simulate(
     model: SensorModel, count: int, *, seed: int, truth: ArrayLike = 0.0, temperature: ArrayLike | None = None
 ) -> SensorSamples:
-    """Return the first `count` samples of a sensor, see `SimulatedSensor.read`."""
+    """Return the first `count` samples of a simulated sensor.
+
+    Args:
+        model: the sensor model.
+        count: number of samples.
+        seed: seed of its random numbers.
+        truth: true value of the measurand in the model's unit, a number or shape (count,).
+        temperature: sensor temperature [degC], a number or shape (count,); None for the model's reference.
+    """
     return SimulatedSensor(model, seed=seed).read(count, truth=truth, temperature=temperature)

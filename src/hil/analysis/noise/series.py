@@ -1,4 +1,4 @@
-"""A whole record of noise at once, exact in level, and the Allan variance that it has by expectation."""
+"""A whole record of noise of exact level, and its expected Allan variance."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ def noise(levels: NoiseLevels, count: int, rate: float, generator: np.random.Gen
     standard deviation Q; the ramp is R t. `expected` says what variance follows.
 
     Args:
-        levels: what there is of each.
-        count: samples.
-        rate: samples per second.
-        generator: gives the random numbers; a kind takes its numbers whether its level is 0 or not, so that records of
-            one seed differ in nothing but their levels.
+        levels: noise levels.
+        count: number of samples.
+        rate: sampling rate [Hz].
+        generator: random generator; every process draws its numbers even at level 0, so that records of one seed
+            differ only in their levels.
     """
     values = levels.white * np.sqrt(rate) * generator.standard_normal(count)
     spectrum = np.fft.rfft(generator.standard_normal(2 * count))
@@ -36,17 +36,17 @@ def noise(levels: NoiseLevels, count: int, rate: float, generator: np.random.Gen
 
 
 def expected(levels: NoiseLevels, count: int, rate: float, m: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return the expectation of the Allan variance of `noise` at averaging factors `m`, shape of `m`.
+    """Return the expected Allan variance of `noise` at averaging factors `m`, in the shape of `m`.
 
     With tau = m/fs: N^2/tau, K^2 (2 m^2 + 1)/(6 m fs), 3 Q^2/tau^2 and R^2 tau^2/2 (IEEE Std 952-1997, annex C, the
     second for samples instead of a continuous rate); for flicker noise the sum over its lines of
     P(f) 2 sin^4(pi f tau)/(m sin(pi f/fs))^2, which is near its floor 2 ln 2/pi B^2.
 
     Args:
-        levels: what there is of each noise.
-        count: samples of the record, which say where the lines of flicker noise lie.
-        rate: samples per second.
-        m: averaging factors.
+        levels: noise levels.
+        count: samples in the record, which determine the lines of the flicker noise.
+        rate: sampling rate [Hz].
+        m: averaging factors in samples.
     """
     tau = m / rate
     variance = levels.white**2 / tau + levels.random_walk**2 * (2.0 * m**2 + 1.0) / (6.0 * m * rate)

@@ -1,1 +1,1 @@
-"""Calibration of photodiodes that are read as the voltage at a load, over temperature."""
+"""Calibration over temperature of photodiodes read as the voltage across a load resistor."""

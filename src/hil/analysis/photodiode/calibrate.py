@@ -1,4 +1,4 @@
-"""From readings of a photodiode over temperature, loads and light to its calibration, with its gates."""
+"""Calibration of a photodiode from readings over temperature, load and light, with gates on its validity."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ __all__ = ["PhotodiodeReport", "calibrate_photodiode"]
 _UNITS = {"photocurrent": "A", "coefficient": "1/K", "saturation": "A", "ideality": "1", "gap": "eV"}
 _ABOUT_MODEL = {"steady", "scatter", "hysteresis"}
 _CERTAIN = {"photocurrent": 0.05, "coefficient": 2e-3, "saturation": 0.5, "ideality": 0.05, "gap": math.inf}
-"""Largest standard uncertainty that still is a result: relative, that of the coefficient in 1/K."""
+"""Largest acceptable standard uncertainty of each result: relative; for the coefficient in 1/K."""
 _IDEALITY = (0.9, 2.5)
-_SCATTER, _LOOP = 0.005, 0.01  # of the reading: residuals, rms, and heating minus cooling
+_SCATTER, _LOOP = 0.005, 0.01  # of the reading: rms residuals, and hysteresis
 _SIGNIFICANT = 4.0
 _BOUND = 1.96
 _WEIGHINGS, _SAME = 12, 0.98
@@ -33,20 +33,20 @@ _NUDGES = (1e-4, 1e-6, 1e-4, 1e-4, 1e-4, 1e-9)  # of ln P, a, ln I_s0, n, E_g an
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PhotodiodeReport:
-    """A calibration, and its quality as shown by the readings.
+    """A calibration, with the quality of its fit.
 
     Attributes:
         diode: the calibration.
-        covariance: (5, 5) of ln P, a, ln I_s0, n and E_g; (6, 6) with G where a shunt was fitted.
+        covariance: (5, 5), of ln P, a, ln I_s0, n and E_g; (6, 6) with G where a shunt was fitted.
         dof: degrees of freedom of the scatter.
         figures: by name: photocurrent [A], coefficient [1/K], saturation [A], ideality, gap [eV], shunt [S] and series
             [ohm].
         noise: scatter of the readings about the model [V].
-        hysteresis: heating minus cooling at the same temperature, over the reading.
-        coldest, hottest: of the readings that were fitted [degC].
-        residual: (n,), reading minus model of all readings [V].
-        gates: what was asked of the result, and the answers.
-        identifiability: what these readings separate, and what not.
+        hysteresis: heating minus cooling at equal temperature, relative to the reading.
+        coldest, hottest: temperature range of the fitted readings [degC].
+        residual: (n,), reading minus model, for all readings [V].
+        gates: gates on the readings and the result.
+        identifiability: which parameters these readings can separate, and which not.
     """
 
     diode: Diode
@@ -68,18 +68,18 @@ class PhotodiodeReport:
 
     @property
     def doubts(self) -> list[str]:
-        """The gates that trip, a sentence each."""
+        """The gates that trip, one sentence each."""
         return [str(gate) for gate in self.gates if gate.ok is False]
 
     @traced
     def sensitivity(self, temperature: float, load: float) -> Figure:
-        """Return the change of the reading over temperature in constant light in V/K: equation 6 at the mean light.
+        """Return the temperature sensitivity of the reading in constant light in V/K: equation 6 at the mean light.
 
-        The covariance is carried along (GUM 5.2), with derivatives by central differences.
+        The covariance is propagated (GUM 5.2), with derivatives by central differences.
 
         Args:
-            temperature: in degC.
-            load: in ohm.
+            temperature: temperature [degC].
+            load: load resistance [ohm].
         """
         status = self.figures["coefficient"].status
         if not np.isfinite(self.covariance).all():
@@ -109,30 +109,30 @@ def calibrate_photodiode(
 ) -> PhotodiodeReport:
     """Fit photocurrent, its temperature coefficient, saturation current, ideality factor and gap; equations in `diode`.
 
-    Least squares of the voltages by Gauss-Newton steps with halving and the analytic Jacobian J; the known gap is an
-    additional observation, with its own uncertainty. Covariance s^2 tau (J'J)^-1 + sum (K d_j)(K d_j)' u_j^2 with K =
-    (J'J)^-1 J', tau the correlation time of the residuals in samples, d_j the effect of an error of `known` on the
-    readings, and u_j its standard uncertainty (GUM, 5.1 and H.3). Shunt and series resistance are asked for by one step
-    of a fit that has them too: a shunt that is four standard uncertainties above zero is fitted; otherwise both are
-    bounds at 95 %, and `series` stays what it is.
+    Least squares of the voltages by Gauss-Newton steps with halving and the analytic Jacobian J; the prior gap is one
+    more reading, with its own uncertainty. Covariance s^2 tau (J'J)^-1 + sum (K d_j)(K d_j)' u_j^2 with K = (J'J)^-1
+    J', tau the correlation time of the residuals in samples, d_j the effect of an error of `known` on the readings, and
+    u_j its standard uncertainty (GUM, 5.1 and H.3). Shunt and series resistance are estimated by one step of a fit that
+    includes them: a shunt four standard uncertainties above zero is fitted; otherwise both are reported as bounds at 95
+    %, and `series` keeps its value.
 
-    One load in constant light shows neither I_s0 nor n: with I_d constant, equation 4 makes dV/dT = (V - E_g - 3 k
-    T/q)/T, whatever n is. It takes a second and a third load, or a different light level. Loads at one temperature do
-    not separate a from E_g: 0.01 eV is equivalent to 0.07 %/K. A small load at two temperatures does.
+    One load in constant light determines neither I_s0 nor n: with I_d constant, equation 4 makes dV/dT =
+    (V - E_g - 3 k T/q)/T for any n. A second and a third load, or different light, are needed. Loads at one temperature
+    do not separate a from E_g: 0.01 eV equal 0.07 %/K. A small load at two temperatures does.
 
     Gates: `finite`, `stuck`, `celsius`, `saturated`, `forward`, `lit`, `span`, `converged`, `plausible` and
     `identified` make the figures NOT_OBSERVABLE; `steady`, `scatter` and `hysteresis` make them MODEL_REJECTED.
 
     Args:
-        voltage: at the load in V, shape (n,).
-        temperature: of the junction in degC, shape (n,), in order of time.
-        load: in ohm, shape (n,) or a number.
-        light: of a monitor, in any unit that is proportional to it; the photocurrent is that of its mean.
-        fitted: which readings are fitted, shape (n,), others only have residuals; all if None.
-        known: beforehand; silicon at 25 degC without any uncertainty if None.
+        voltage: voltage across the load in V, shape (n,).
+        temperature: junction temperature in degC, shape (n,), in order of time.
+        load: load resistance in ohm, shape (n,) or a number.
+        light: reading of a light monitor in any unit, shape (n,) or a number; the photocurrent refers to its mean.
+        fitted: mask of the readings to fit, shape (n,); all if None. Others only get residuals.
+        known: prior knowledge; silicon at 25 degC without any uncertainty if None.
 
     Raises:
-        Refused: arrays that do not fit together, or fewer than 50 readings to fit.
+        Refused: array shapes do not match, or there are fewer than 50 readings to fit.
     """
     given, known = checked(voltage, temperature, load, light, fitted), known or Known()
     gates = given.gates(known.full_scale, known.gap)
@@ -142,7 +142,7 @@ def calibrate_photodiode(
     kept = given.kept
     diode, _ = settled(kept, replace(started(kept, start), series=known.series), (CORE - 1, 0.0, known.gap))
     weight, converged = Fit(kept, diode, known).weight, False
-    for _ in range(_WEIGHINGS):  # a gap that is off looks like noise, which lets the one known beforehand weigh more
+    for _ in range(_WEIGHINGS):  # a wrong gap looks like noise, which gives the prior gap more weight
         diode, converged = settled(kept, diode, (CORE, weight, known.gap))
         fit = Fit(kept, diode, known)
         if fit.weight > _SAME * weight:
@@ -192,7 +192,7 @@ def _report(given: Readings, fit: Fit, gates: tuple[Gate, ...]) -> PhotodiodeRep
 
 
 def _answers(given: Readings, diode: Diode, share: Array, vague: list[str]) -> tuple[Gate, ...]:
-    """Ask for the result; `share` is residuals over readings, `vague` what is too uncertain."""
+    """Return the gates on the result; `share` is residuals over readings, `vague` lists results too uncertain."""
     low, high = _IDEALITY
     rms = math.sqrt(float(np.square(share).mean()))
     shown = ", ".join(name for name in _UNITS if name not in vague) or "nothing"
@@ -240,7 +240,7 @@ def _figure(value: float, unit: str, uncertainty: float, dof: float, status: Fig
 
 
 def _bound(found: tuple[float, float], unit: str, dof: float, status: FigureStatus, *, measured: bool) -> Figure:
-    """Return a figure that was measured, or its bound at 95 %."""
+    """Return a measured figure, or its bound at 95 %."""
     value, uncertainty = found
     if status is FigureStatus.MEASURED and not measured:
         value, status = max(0.0, value) + _BOUND * uncertainty, FigureStatus.UPPER_LIMIT
@@ -262,7 +262,7 @@ def _is_bound(figure: Figure) -> bool:
 
 
 def _nothing(given: Readings, diode: Diode, gates: tuple[Gate, ...]) -> PhotodiodeReport:
-    """Return the report of readings that show no calibration."""
+    """Return the report for readings that give no calibration."""
     unknown = replace(diode, photocurrent=math.nan, coefficient=math.nan, saturation=math.nan, ideality=math.nan)
     return PhotodiodeReport(
         diode=unknown,

@@ -1,4 +1,4 @@
-"""An illuminated junction with a load: its currents, the voltage at the load, and how both follow the temperature.
+"""Model of an illuminated junction with a load: currents, load voltage, and their temperature dependence.
 
 With load R, series resistance Rs, shunt conductance G, light m, junction at V_j = V (1 + Rs/R), V_T = k T / q:
 
@@ -34,20 +34,20 @@ KELVIN = 273.15
 """0 degC in K."""
 
 SILICON = 1.12
-"""Energy gap in eV."""
+"""Energy gap of silicon in eV."""
 
 _STEPS, _SETTLED = 60, 1e-13
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Linearised:
-    """Voltages (n,) that the model gives, and their derivatives, each (n,).
+    """Voltages (n,) of the model, and their derivatives, each (n,).
 
     Attributes:
-        voltage: in V.
-        jacobian: (7, n), after ln P, a, ln I_s0, n, E_g, G and Rs.
-        by_load: after ln R.
-        by_temperature: equation 6, in V/K.
+        voltage: load voltages [V].
+        jacobian: (7, n), with respect to ln P, a, ln I_s0, n, E_g, G and Rs.
+        by_load: with respect to ln R.
+        by_temperature: with respect to temperature, equation 6 [V/K].
     """
 
     voltage: Array
@@ -61,14 +61,14 @@ class Diode:
     """One photodiode.
 
     Attributes:
-        photocurrent: P, at the nominal temperature and in light 1 [A].
-        coefficient: a, of the photocurrent over temperature [1/K].
-        saturation: I_s0, at the nominal temperature [A].
-        ideality: n.
-        nominal: T0 [degC].
-        gap: E_g [eV].
-        shunt: G [S].
-        series: Rs [ohm].
+        photocurrent: P, photocurrent at the nominal temperature and light 1 [A].
+        coefficient: a, temperature coefficient of the photocurrent [1/K].
+        saturation: I_s0, saturation current at the nominal temperature [A].
+        ideality: n, ideality factor.
+        nominal: T0, nominal temperature [degC].
+        gap: E_g, energy gap [eV].
+        shunt: G, shunt conductance [S].
+        series: Rs, series resistance [ohm].
     """
 
     photocurrent: float
@@ -82,19 +82,19 @@ class Diode:
 
     @traced
     def saturation_at(self, temperature: ArrayLike) -> Array:
-        """Return I_s(T) in A, equation 4, for temperatures in degC."""
+        """Return I_s(T) in A, equation 4, at temperatures in degC, of their shape."""
         return self.saturation * np.exp(self._growth(_kelvin(temperature)))
 
     @traced
     def light_of(self, voltage: ArrayLike, temperature: ArrayLike, load: ArrayLike) -> Array:
-        """Return the photocurrent in A that this light gives at the nominal temperature: the calibrated reading.
+        """Return the calibrated reading: the photocurrent in A of this light at the nominal temperature, shape (n,).
 
-        Equations 1 to 3 solved for P m; no equation has to be solved numerically.
+        Equations 1 to 3 solved for P m, in closed form.
 
         Args:
-            voltage: at the load in V, shape (n,) or a number, as all others.
-            temperature: of the junction in degC.
-            load: in ohm.
+            voltage: voltage across the load in V, shape (n,) or a number, as all others.
+            temperature: junction temperature in degC.
+            load: load resistance in ohm.
         """
         volts, kelvin, ohms = np.asarray(voltage, dtype=np.float64), _kelvin(temperature), np.asarray(load, dtype=float)
         junction = volts * (1.0 + self.series / ohms)
@@ -103,12 +103,12 @@ class Diode:
 
     @traced
     def voltage_of(self, light: ArrayLike, temperature: ArrayLike, load: ArrayLike) -> Array:
-        """Return the voltage at the load in V, equation 1, by Newton's steps from above, which never overshoot.
+        """Return the load voltage in V, equation 1, shape (n,), by Newton's method from above, which never overshoots.
 
         Args:
-            light: m, without a unit.
-            temperature: of the junction in degC.
-            load: in ohm.
+            light: m, dimensionless; shape (n,) or a number, as all others.
+            temperature: junction temperature in degC.
+            load: load resistance in ohm.
         """
         kelvin, ohms = _kelvin(temperature), np.asarray(load, dtype=np.float64)
         factor, slope, saturation = 1.0 + self.series / ohms, self._slope(kelvin), self.saturation_at(temperature)
@@ -125,13 +125,13 @@ class Diode:
 
     @traced
     def diode_coefficient(self, voltage: ArrayLike, temperature: ArrayLike) -> Array:
-        """Return the change of I_d over temperature at constant voltage of the junction, over I_d, in 1/K: (5) / (3).
+        """Return the relative temperature coefficient of I_d at constant junction voltage, in 1/K: (5) / (3).
 
-        Without the 1 of equation 3 that is 3/(n T) + (E_g - V_j)/(n k T^2).
+        Without the 1 in equation 3 this is 3/(n T) + (E_g - V_j)/(n k T^2).
 
         Args:
-            voltage: of the junction in V, above zero.
-            temperature: in degC.
+            voltage: junction voltage in V, above zero; any shape.
+            temperature: temperature in degC.
         """
         kelvin, volts = _kelvin(temperature), np.asarray(voltage, dtype=np.float64)
         exponent = volts / self._slope(kelvin)
@@ -140,11 +140,11 @@ class Diode:
 
     @traced
     def sensitivity(self, light: ArrayLike, temperature: ArrayLike, load: ArrayLike) -> Array:
-        """Return the change of the voltage at the load over temperature in constant light, in V/K: equation 6."""
+        """Return the temperature sensitivity of the load voltage in constant light, in V/K, (n,): equation 6."""
         return self.linearised(light, temperature, load).by_temperature
 
     def linearised(self, light: ArrayLike, temperature: ArrayLike, load: ArrayLike) -> Linearised:
-        """Return voltages and derivatives; arguments as of `voltage_of`."""
+        """Return voltages and derivatives; arguments as for `voltage_of`."""
         kelvin, ohms = _kelvin(temperature), np.asarray(load, dtype=np.float64)
         volts = self.voltage_of(light, temperature, load)
         factor, slope, saturation = 1.0 + self.series / ohms, self._slope(kelvin), self.saturation_at(temperature)

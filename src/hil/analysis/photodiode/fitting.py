@@ -1,4 +1,4 @@
-"""Least squares of a photodiode's readings: the starting point, the steps, and the covariance of the result."""
+"""Least-squares fit of a photodiode's readings: initial estimate, steps, and covariance of the result."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from hil.analysis.statistics import correlation_time
 __all__ = ["CORE", "Fit", "moved", "settled", "started"]
 
 CORE = 5
-"""Numbers that are always fitted: ln P, a, ln I_s0, n and E_g. G and Rs are asked for afterwards."""
+"""Number of parameters always fitted: ln P, a, ln I_s0, n and E_g. G and Rs are estimated afterwards."""
 
 _ROUNDS, _SETTLED, _STRIDE = 60, 1e-10, 1.5
-_GAP, _LEAST_IDEALITY, _LEAST_EV = 4, 0.1, 1e-6  # its place; what steps may reach; a gap that is certain
+_GAP, _LEAST_IDEALITY, _LEAST_EV = 4, 0.1, 1e-6  # its index; lower bound of steps; uncertainty of an exactly known gap
 
 
 def started(given: Readings, blank: Diode) -> Diode:
-    """Start where the smallest load has no diode current; n and I_s0 from the largest and the middle voltages."""
+    """Return the initial estimate: no diode current at the smallest load; n and I_s0 from high and middle voltages."""
     current = given.voltage / given.load / given.light
     photocurrent = float(current.max()) * 1.001
     best, least = blank, math.inf
@@ -38,12 +38,12 @@ def started(given: Readings, blank: Diode) -> Diode:
 
 
 def settled(given: Readings, start: Diode, asked_for: tuple[int, float, float]) -> tuple[Diode, bool]:
-    """Return the diode of least squares, and whether the steps converged.
+    """Return the least-squares diode, and whether the steps converged.
 
     Args:
-        given: readings.
-        start: where the steps begin.
-        asked_for: how many of the numbers are fitted, the gap's weight as a reading in V/eV, and that gap in eV.
+        given: the readings.
+        start: initial estimate.
+        asked_for: number of fitted parameters, weight of the prior gap as a reading in V/eV, and that gap in eV.
     """
     diode, (count, weight, gap) = start, asked_for
     place = (given.light, given.temperature, given.load)
@@ -60,7 +60,7 @@ def settled(given: Readings, start: Diode, asked_for: tuple[int, float, float]) 
         if not (np.isfinite(design).all() and (scale > 0.0).all()):
             return diode, False
         step = np.linalg.lstsq((design / scale[:, None]).T, residual, rcond=1e-12)[0] / scale
-        if float((step @ design) @ residual) <= _SETTLED * least:  # what the sum of squares would gain
+        if float((step @ design) @ residual) <= _SETTLED * least:  # expected reduction of the sum of squares
             return diode, True
         step = step * min(1.0, _STRIDE / max(abs(step[0]), abs(step[2]), abs(step[3]) * 4.0))
         for _ in range(_ROUNDS):
@@ -69,13 +69,13 @@ def settled(given: Readings, start: Diode, asked_for: tuple[int, float, float]) 
                 break
             step = step / 2.0
         else:
-            return diode, True  # nothing nearer: rounding
+            return diode, True  # no further improvement: rounding
         diode = nearer
     return diode, False
 
 
 def _with_gap(jacobian: Array, weight: float) -> Array:
-    """Return derivatives with those of the gap as a reading."""
+    """Return the Jacobian with a row for the prior gap as a reading."""
     last = np.zeros((len(jacobian), 1))
     last[_GAP] = weight
     return np.hstack([jacobian, last])
@@ -95,7 +95,7 @@ def moved(diode: Diode, step: Array) -> Diode:
 
 
 class Fit:
-    """A converged fit: its covariance, and shunt and series resistance from one more step."""
+    """A converged fit: its covariance, and estimates of shunt and series resistance by one more step."""
 
     def __init__(self, given: Readings, diode: Diode, known: Known, *, shunted: bool = False) -> None:
         self.given, self.diode, self.shunted = given, diode, shunted
@@ -118,7 +118,7 @@ class Fit:
             self.shunt = (diode.shunt, math.sqrt(self.covariance[CORE, CORE]))
 
     def _solved(self, rows: list[int]) -> tuple[Array, Array]:
-        """Return the next step in some of the numbers, and their covariance."""
+        """Return the next step in a subset of the parameters, and their covariance."""
         jacobian, errors, noise = self._given
         design = jacobian[rows].T
         scale = np.sqrt(np.square(design).sum(axis=0))

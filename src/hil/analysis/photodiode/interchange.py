@@ -1,4 +1,4 @@
-"""Export of a photodiode's calibration: JSON with a fingerprint, C for a flight computer, and its self-check."""
+"""Export of a photodiode calibration: JSON with a fingerprint, C header for a flight computer, and self-check."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ __all__ = [
 ]
 
 FORMAT = "hil/photodiode-calibration/1"
-"""What the document's `schema` says."""
+"""The document's `schema`."""
 
 _NUMBERS = {
     "photocurrent": "A",
@@ -36,8 +36,8 @@ _NUMBERS = {
     "shunt": "S",
     "series": "ohm",
 }
-_CERTAIN = 6  # digits of a covariance: more differ from one linear algebra to another
-_PRINTED = 1e-6  # of the photocurrent: what nine printed digits may change, with room
+_CERTAIN = 6  # digits of a covariance: further ones depend on the linear algebra library
+_PRINTED = 1e-6  # of the photocurrent: the effect of rounding to nine digits, with margin
 
 
 def as_document(report: PhotodiodeReport) -> dict[str, object]:
@@ -79,7 +79,10 @@ def _printed(diode: Diode) -> Diode:
 
 @traced
 def photodiode_as_json(report: PhotodiodeReport) -> str:
-    """Return the calibration as JSON text, the same for the same calibration.
+    """Return the calibration as canonical JSON text.
+
+    Args:
+        report: the report of the fit.
 
     Raises:
         Refused: a report that a gate speaks against.
@@ -89,10 +92,13 @@ def photodiode_as_json(report: PhotodiodeReport) -> str:
 
 @traced
 def photodiode_from_json(text: str) -> Diode:
-    """Return the calibration that a JSON text holds.
+    """Parse a calibration from JSON text.
+
+    Args:
+        text: JSON text of an export.
 
     Raises:
-        Refused: text that is not such a document, or was changed after it was exported.
+        Refused: the text is not such a document, or was changed after export.
     """
     return interchange.opened(interchange.parsed(text), FORMAT, _diode)
 
@@ -129,7 +135,10 @@ _FORM = """\
 
 @traced
 def photodiode_as_c_header(report: PhotodiodeReport) -> str:
-    """Return a C99 header with the numbers that the JSON export prints, and its fingerprint.
+    """Return a C99 header with the numbers of the JSON export and its fingerprint.
+
+    Args:
+        report: the report of the fit.
 
     Raises:
         Refused: a report that a gate speaks against.
@@ -152,17 +161,17 @@ def photodiode_as_c_header(report: PhotodiodeReport) -> str:
 def photodiode_reproduction(
     exported: Diode, report: PhotodiodeReport, voltage: ArrayLike, temperature: ArrayLike, load: ArrayLike
 ) -> str:
-    """Return `reproduced` if a calibration, as exported and read back, gives its readings what the report gives them.
+    """Return `reproduced` if a calibration, as exported and read back, agrees with its report on every reading.
 
-    It has to give every reading the light that the report's gives, within a millionth of the photocurrent; else the
-    worst reading is told in a sentence.
+    It must give the same light for every reading, within a millionth of the photocurrent; otherwise the worst reading
+    is reported in a sentence.
 
     Args:
-        exported: as `photodiode_from_json` returns it.
-        report: of the same readings.
-        voltage: at the load in V, shape (n,).
-        temperature: in degC, shape (n,).
-        load: in ohm, shape (n,) or a number.
+        exported: the calibration from `photodiode_from_json`.
+        report: the report on the same readings.
+        voltage: voltage across the load in V, shape (n,).
+        temperature: temperature in degC, shape (n,).
+        load: load resistance in ohm, shape (n,) or a number.
     """
     found, wanted = (each.light_of(voltage, temperature, load) for each in (exported, report.diode))
     apart = np.abs(found - wanted)

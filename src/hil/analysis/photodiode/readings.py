@@ -1,4 +1,4 @@
-"""Readings of a photodiode, and their gates."""
+"""Readings of a photodiode, prior knowledge about them, and gates on them."""
 
 from __future__ import annotations
 
@@ -18,28 +18,28 @@ __all__ = ["Known", "Readings", "asked", "checked", "volts"]
 
 _SPAN_K = 10.0
 _STEADY = 0.05  # of the light
-_FEWEST, _FEWEST_OF_CELL = 50, 5  # readings: of all, and of a kelvin in which heating and cooling are compared
+_FEWEST, _FEWEST_OF_CELL = 50, 5  # least readings: in total, and per kelvin for comparing heating and cooling
 _TOP = 0.9995  # of the full scale
-_LEAST_V = 0.005  # of a reading that is lit
-_WIDTH, _MOVING = 21, 0.05  # readings over which a temperature is averaged; share of its fastest change
+_LEAST_V = 0.005  # least voltage of an illuminated reading
+_WIDTH, _MOVING = 21, 0.05  # readings per temperature average; share of its fastest change
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Known:
     """Prior knowledge of a photodiode and its readings.
 
-    The uncertainties are standard ones that all readings share, taken as exact (GUM 4.3); the fit carries them through.
+    The uncertainties are standard ones common to all readings, taken as exact (GUM 4.3), and propagated by the fit.
 
     Attributes:
-        nominal: temperature in degC that the figures are stated for.
-        gap, gap_uncertainty: of the semiconductor in eV, with its standard uncertainty: what the readings do not say
-            better, this says.
-        series: resistance of the photodiode in ohm.
-        full_scale: largest voltage that the converter can read in V.
-        reference: uncertainty of the converter's reference voltage, relative.
-        offset: that of the converter's zero in V.
-        load: that of each load resistor, relative; different loads are independent.
-        temperature: that of the thermometer in K.
+        nominal: reference temperature of the figures [degC].
+        gap, gap_uncertainty: energy gap of the semiconductor with its standard uncertainty [eV], used as a prior
+            where the readings do not determine it better.
+        series: series resistance of the photodiode [ohm].
+        full_scale: full scale of the converter [V].
+        reference: relative uncertainty of the converter's reference voltage.
+        offset: uncertainty of the converter's zero [V].
+        load: relative uncertainty of each load resistor; different loads are independent.
+        temperature: uncertainty of the thermometer [K].
     """
 
     nominal: float = 25.0
@@ -55,7 +55,7 @@ class Known:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Readings:
-    """Voltages [V], temperatures [degC], loads [ohm], light with a mean of 1, and which are fitted; each (n,)."""
+    """Voltages [V], temperatures [degC], loads [ohm], light of mean 1, and the mask of fitted readings; each (n,)."""
 
     voltage: Array
     temperature: Array
@@ -65,13 +65,13 @@ class Readings:
 
     @property
     def kept(self) -> Readings:
-        """Those that are fitted."""
+        """The fitted readings."""
         which, (volts, ohms) = self.fitted, (self.voltage[self.fitted], self.load[self.fitted])
         degrees, light = self.temperature[which], self.light[which]
         return Readings(voltage=volts, temperature=degrees, load=ohms, light=light, fitted=which[which])
 
     def gates(self, full_scale: float, gap: float) -> tuple[Gate, ...]:
-        """Return the gates that come before any computation; full scale in V, gap in eV."""
+        """Return the gates on the readings before the fit; full scale in V, gap in eV."""
         whole = [finite(name, getattr(self, name)) for name in ("voltage", "temperature", "light")]
         if not all(gate.ok for gate in whole):
             return tuple(whole)
@@ -92,13 +92,13 @@ class Readings:
         )
 
     def steady(self) -> Gate:
-        """Ask for the light of the monitor: what it tells is corrected, but no lamp that is well changes by much."""
+        """Return the gate on the monitored light, which is corrected for, but varies little for a sound lamp."""
         change = float(np.ptp(np.quantile(self.light, [0.01, 0.99])))
         wrong = f"more than {_STEADY:.0%} is no constant lamp: let it warm up, and look at its supply"
         return asked("steady", change <= _STEADY, f"the light changed by {change:.1%}", wrong)
 
     def hysteresis(self, residual: Array) -> float:
-        """Return the mean residual of heating minus cooling, over the reading; NaN if no kelvin has both at a load."""
+        """Return the mean residual of heating minus cooling, relative to the reading; NaN if no kelvin has both."""
         if self.temperature.size < 2 * _WIDTH:
             return math.nan
         smooth = np.convolve(self.temperature, np.ones(_WIDTH) / _WIDTH, "valid")
@@ -117,12 +117,12 @@ class Readings:
 
 @traced
 def volts(counts: ArrayLike, reference: Figure, full_scale: Figure) -> Array:
-    """Return the voltages in V of a converter's counts, counts / full scale * reference; arrays as `counts`.
+    """Return the voltages in V of a converter's counts, counts / full scale * reference, in the shape of `counts`.
 
     Args:
-        counts: in LSB; means of several conversions need not be whole.
-        reference: voltage at full scale in V; its uncertainty is that of all voltages, see `Known.reference`.
-        full_scale: largest count in LSB, 4095 for twelve bits.
+        counts: counts in LSB; means of several conversions need not be whole.
+        reference: voltage at full scale in V; its uncertainty is common to all voltages, see `Known.reference`.
+        full_scale: full-scale count in LSB, 4095 for twelve bits.
     """
     return np.asarray(np.asarray(counts, dtype=np.float64) * (reference.value / full_scale.value))
 
@@ -130,10 +130,10 @@ def volts(counts: ArrayLike, reference: Figure, full_scale: Figure) -> Array:
 def checked(
     voltage: ArrayLike, temperature: ArrayLike, load: ArrayLike, light: ArrayLike, fitted: ArrayLike | None
 ) -> Readings:
-    """Return readings; arguments as of `calibrate_photodiode`.
+    """Return validated readings; arguments as for `calibrate_photodiode`.
 
     Raises:
-        Refused: they do not fit together, or are too few.
+        Refused: array shapes do not match, or there are too few readings.
     """
     volts = np.array(voltage, dtype=np.float64)
     if volts.ndim != 1:
@@ -155,6 +155,6 @@ def checked(
 
 
 def asked(name: str, ok: bool, told: str, wrong: str, places: NDArray[np.intp] | None = None) -> Gate:
-    """Return a gate: its finding, and what to do if it trips; the places are counted from 0."""
+    """Return a gate with its finding `told`, or the remedy `wrong` if it trips; indices are counted from 0."""
     samples = () if places is None else numbers(places)
     return Gate(name=name, channel="", ok=bool(ok), reason=told if ok else f"{told}; {wrong}", samples=samples)

@@ -1,1 +1,1 @@
-"""Published tables against the tables they were computed from: which cells follow, as far as rounding lets one say."""
+"""Verification of published tables: which cells follow from their source tables, within rounding."""

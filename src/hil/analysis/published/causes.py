@@ -1,4 +1,4 @@
-"""Possible explanations for a published cell that does not follow: common slips with tables."""
+"""Likely causes of a published cell that does not follow: common mistakes with tables."""
 
 from __future__ import annotations
 
@@ -39,12 +39,12 @@ _OTHER: Mapping[str, Callable[[float, float], float]] = {
     "{1}-{0}": lambda a, b: b - a,
     "{1}/{0}": lambda a, b: b / a,
 }
-"""What people take for the deviation of two numbers."""
+"""Formulas used for the deviation of two numbers."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Asked:
-    """A published cell with the formula that it should follow from."""
+    """A published cell with the formula that should give it."""
 
     place: Key
     printed: Printed
@@ -53,34 +53,34 @@ class Asked:
 
     @cached_property
     def sources(self) -> dict[Source, Printed]:
-        """The printed cells that its formula uses."""
+        """The printed source cells of its formula."""
         return self.formula.sources(self.place, self.tables)
 
     def recomputed(self, cells: Mapping[Source, Printed] | None = None) -> Range:
-        """Return what the formula gives, or would give with other cells."""
+        """Return the result of the formula, or with replaced source cells."""
         return self.formula.over(self.place, self.tables, self.sources if cells is None else cells)
 
     def meets(self, found: Range, factor: float = 1.0) -> bool:
-        """Return whether a number that rounds to the printed one lies among these values, times a factor."""
+        """Return whether these values, times a factor, include a number that rounds to the printed one."""
         low, high = sorted((found.low * factor, found.high * factor))
         slack = _SLACK * max(abs(low), abs(high), abs(self.printed.value))
         return low <= self.printed.high + slack and high >= self.printed.low - slack
 
     def sharp(self, found: Range) -> bool:
-        """Return whether both numbers are known too well to be met by chance."""
+        """Return whether both numbers are too precise to agree by chance."""
         return max(self.printed.half, (found.high - found.low) / 2) <= _SHARP * abs(self.printed.value)
 
 
 def causes(
     cell: Asked, published: PrintedTable, asked: Sequence[Asked], others: Sequence[PrintedTable]
 ) -> Iterator[str]:
-    """Yield possible explanations for a cell that does not follow, likeliest first, four at most.
+    """Yield possible causes for a cell that does not follow, likeliest first, at most four.
 
     Args:
-        cell: which does not follow.
+        cell: the cell that does not follow.
         published: its table.
         asked: every cell of the table that has a formula.
-        others: tables in which a cell may be found that was copied by mistake.
+        others: tables from which a cell may have been copied by mistake.
     """
     found = cell.recomputed()
     sharp = cell.sharp(found)
@@ -93,7 +93,7 @@ def causes(
 
 
 def _factor(cell: Asked, found: Range, *, sharp: bool) -> Iterator[str]:
-    """Find a factor between what is printed and what is recomputed."""
+    """Find a known factor between printed and recomputed value."""
     if cell.meets(found, -1.0):
         yield "the sign is reversed"
     middle = (found.low + found.high) / 2
@@ -106,7 +106,7 @@ def _factor(cell: Asked, found: Range, *, sharp: bool) -> Iterator[str]:
 
 
 def _misprinted(cell: Asked, *, sharp: bool) -> Iterator[str]:
-    """Find one source that would explain it with another sign, factor or digit."""
+    """Find one source cell that would explain it with another sign, factor or digit."""
     sources = cell.sources
     for source, printed in sources.items():
         told = _name(cell, source)
@@ -121,7 +121,7 @@ def _misprinted(cell: Asked, *, sharp: bool) -> Iterator[str]:
 
 
 def _slips(printed: Printed) -> Iterator[Printed]:
-    """Give the numbers that differ in one digit, or in the order of two neighbours."""
+    """Yield the numbers that differ in one digit, or by a swap of two adjacent digits."""
     text = printed.text
     places = [place for place, each in enumerate(text) if each.isdigit()][: len(printed.digits) + 6]
     for place in places:
@@ -177,10 +177,10 @@ def _other_formula(cell: Asked) -> Iterator[str]:
 
 
 def _needed(cell: Asked) -> Iterator[str]:
-    """Give what each source would have to be.
+    """Yield the value that each source cell would need.
 
-    Formulas of tables are nearly always fractions of linear expressions of each cell, which keep the cross-ratio: three
-    values tell the inverse. The formula is asked whether it is so.
+    Formulas of tables are nearly always linear-fractional in each cell, which preserves the cross-ratio: three values
+    determine the inverse, which is then verified with the formula.
     """
     sources = cell.sources
     if len(sources) > _FEW:

@@ -1,4 +1,4 @@
-"""Which cells of a published table follow from its sources."""
+"""Verification of a published table: which cells follow from its sources."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["CellVerdict", "CheckedCell", "check"]
 
 
 class CellVerdict(StrEnum):
-    """The finding for a published cell."""
+    """Verdict on a published cell."""
 
     FOLLOWS = "follows"
     DOES_NOT_FOLLOW = "does not follow"
@@ -25,17 +25,17 @@ class CellVerdict(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckedCell:
-    """A published cell and what its formula gives.
+    """A published cell with the result of its formula.
 
     Attributes:
-        row: of the published table.
-        column: of the published table.
+        row: row of the published table.
+        column: column of the published table.
         printed: the printed text.
         verdict: whether it follows.
-        low: the least value that the formula has while each source is within its rounding; None where it is unknown.
-        high: likewise the largest.
-        reason: why it is unknown, empty elsewhere.
-        causes: what would explain that it does not follow, likeliest first; may be empty.
+        low: least value of the formula with each source within its rounding; None where unknown.
+        high: likewise the largest value.
+        reason: why it is unknown, otherwise empty.
+        causes: possible causes if it does not follow, likeliest first; may be empty.
     """
 
     row: str
@@ -54,17 +54,17 @@ def check(
     tables: Mapping[str, PrintedTable],
     others: Sequence[PrintedTable] = (),
 ) -> tuple[CheckedCell, ...]:
-    """Recompute the cells of a published table, and determine for each whether it follows.
+    """Recompute the cells of a published table, and return the verdict on each.
 
-    A printed number stands for every number that rounds to it. A cell follows where one of those is among the values
-    that the formula has while each source is anywhere within its own rounding. So a cell that does not follow cannot
-    come from these sources by this formula, however they were rounded.
+    A printed number stands for every number that rounds to it. A cell follows if one of these is among the values of
+    the formula with each source anywhere within its own rounding. So a cell that does not follow cannot have been
+    computed from these sources by this formula, however they were rounded.
 
     Args:
-        published: the table that is asked about.
-        formulas: by row and column; cells without one, and blank cells, are left out.
-        tables: the sources, by the names in the formulas.
-        others: further tables, in which a cell may be found that was copied by mistake.
+        published: the table to verify.
+        formulas: formulas by row and column; cells without one, and blank cells, are left out.
+        tables: the source tables, by their names in the formulas.
+        others: further tables from which a cell may have been copied by mistake.
     """
     asked = [
         Asked(place=place, printed=cell, formula=formulas[place], tables=tables)

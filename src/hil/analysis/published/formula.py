@@ -1,4 +1,4 @@
-"""Formulas of tables: read by a parser of their own grammar, never executed as code."""
+"""Formulas of tables: parsed by a grammar of their own, never executed as code."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ _CONSTANTS = {"pi": math.pi}
 
 
 class FormulaError(ValueError):
-    """A formula that cannot be read.
+    """A formula that cannot be parsed.
 
     Args:
-        column: where, from 1 on.
-        message: what is wrong.
-        known: the names allowed there; empty if it does not concern a name.
-        word: the name that was found there.
+        column: position of the error, counted from 1.
+        message: description of the error.
+        known: the valid names at that position; empty if the error is not about a name.
+        word: the name found there.
     """
 
     def __init__(self, column: int, message: str, known: tuple[str, ...] = (), word: str = "") -> None:
@@ -34,11 +34,11 @@ class FormulaError(ValueError):
 
 
 class Missing(LookupError):
-    """A formula needs a cell that is blank, or that its table does not have."""
+    """A formula refers to a blank or nonexistent cell."""
 
 
 class Source(NamedTuple):
-    """A cell that a formula uses: the name of the table in the formula, row and column."""
+    """A source cell of a formula: table name in the formula, row and column."""
 
     table: str
     row: str
@@ -91,7 +91,7 @@ _FUNCTIONS = (*_ONE, *_MANY)
 
 @dataclass(frozen=True, slots=True)
 class _Scope:
-    """The published cell that is computed, the tables by their names, and what gives the number of a source."""
+    """Context of an evaluation: the published cell, the tables by name, and the lookup of source cells."""
 
     place: Key
     tables: Mapping[str, PrintedTable]
@@ -112,9 +112,9 @@ class Formula:
     and sum, mean, min, max and count of several numbers or of a column.
 
     Attributes:
-        text: as it is written.
-        compute: what it means.
-        references: what it takes from tables.
+        text: the formula as written.
+        compute: evaluates it.
+        references: collects its source cells.
     """
 
     text: str
@@ -122,10 +122,10 @@ class Formula:
     references: tuple[_Numbers, ...] = field(compare=False, repr=False)
 
     def sources(self, place: Key, tables: Mapping[str, PrintedTable]) -> dict[Source, Printed]:
-        """Return the printed cells that it uses at a row and column.
+        """Return its printed source cells for a row and column.
 
         Raises:
-            Missing: a cell is blank, or not there.
+            Missing: a cell is blank or does not exist.
         """
         used: dict[Source, Printed] = {}
 
@@ -141,10 +141,10 @@ class Formula:
         return used
 
     def over(self, place: Key, tables: Mapping[str, PrintedTable], cells: Mapping[Source, Printed]) -> Range:
-        """Return every value that it has while each cell is anywhere within its rounding.
+        """Return the range of its values with each cell anywhere within its rounding.
 
-        The ends are exact where the formula is monotone in each cell, as nearly all are within so little; else they
-        are outer bounds.
+        The ends are exact where the formula is monotone in each cell, as nearly all are over so small a range;
+        otherwise they are outer bounds.
 
         Args:
             place: row and column of the published cell.
@@ -152,7 +152,7 @@ class Formula:
             cells: of all sources.
 
         Raises:
-            Undefined: there may be none, as where a divisor may be zero.
+            Undefined: it may have no value, for example where a divisor may be zero.
         """
         whole = self._with(place, tables, {key: (cell.low, cell.high) for key, cell in cells.items()})
         lower, upper = {}, {}
@@ -164,7 +164,7 @@ class Formula:
         return Range(self._with(place, tables, lower).low, self._with(place, tables, upper).high)
 
     def at(self, place: Key, tables: Mapping[str, PrintedTable], values: Mapping[Source, float]) -> float:
-        """Return its value where the cells are these numbers."""
+        """Return its value for these numbers in the cells."""
         return self._with(place, tables, {key: (value, value) for key, value in values.items()}).low
 
     def _with(
@@ -181,7 +181,7 @@ class Formula:
 
 
 def _chosen(node: ast.expr, names: tuple[str, ...]) -> list[str]:
-    """Return the rows or columns that a part of a subscript names."""
+    """Return the rows or columns selected by a part of a subscript."""
     if not isinstance(node, ast.Slice):
         return [_label(node)]
     begin = 0 if node.lower is None else names.index(_label(node.lower))
@@ -194,14 +194,14 @@ def _label(node: ast.expr) -> str:
 
 
 def parse(text: str, tables: Mapping[str, PrintedTable]) -> Formula:
-    """Return a formula.
+    """Parse a formula.
 
     Args:
-        text: as a person wrote it; see `Formula`.
-        tables: by the names that it may use.
+        text: the formula as written; see `Formula`.
+        tables: tables by the names that it may use.
 
     Raises:
-        FormulaError: it is not a formula, or names something unknown.
+        FormulaError: it is not a formula, or refers to an unknown name.
     """
     if len(text) > _LONGEST:
         raise FormulaError(1, f"a formula has at most {_LONGEST} characters, found {len(text)}")
@@ -221,7 +221,7 @@ def parse(text: str, tables: Mapping[str, PrintedTable]) -> Formula:
 
 @dataclass(frozen=True, slots=True)
 class _Reader:
-    """Makes what computes a formula out of its parts; what no formula may be made of is an error with its place."""
+    """Compiles the syntax tree of a formula to closures; a disallowed element is an error with its position."""
 
     text: str
     shift: int
@@ -233,7 +233,7 @@ class _Reader:
         return FormulaError(self.shift + before + 1, message, known, word)
 
     def number(self, node: ast.expr) -> _Number:
-        """Return what computes a part that is one number."""
+        """Compile an expression for one number."""
         match node:
             case ast.Constant(value=number):
                 return self._constant(node, number)
@@ -302,14 +302,14 @@ class _Reader:
         return lambda scope: function(number(scope))
 
     def _several(self, node: ast.expr) -> _Numbers:
-        """Return what computes the numbers of a part that may be a column."""
+        """Compile an expression that may be a column of numbers."""
         if isinstance(node, ast.Subscript) and isinstance(node.value, ast.Name):
             return self._cells(node.value, node.slice)
         number = self.number(node)
         return lambda scope: [number(scope)]
 
     def _cells(self, table: ast.Name, places: ast.expr) -> _Numbers:
-        """Return what takes the cells of a subscript: one, or those of a column that are there."""
+        """Compile a subscript: one cell, or the filled cells of a row or column."""
         name = table.id
         if name not in self.tables:
             raise self.error(table, f"unknown name '{name}'", tuple(self.tables), name)
@@ -352,7 +352,7 @@ def _is_slice(node: ast.expr) -> bool:
 
 
 def _is_column(node: ast.expr) -> bool:
-    """Return whether a part is a column of numbers rather than one."""
+    """Return whether an expression is a column of numbers rather than one."""
     if not isinstance(node, ast.Subscript):
         return False
     return any(map(_is_slice, node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]))

@@ -1,4 +1,4 @@
-"""Printed numbers, each of which stands for every number that rounds to it, and tables of these."""
+"""Printed numbers, each standing for every number that rounds to it, and tables of them."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from decimal import Decimal
 __all__ = ["EXACT", "Key", "NotANumber", "Printed", "PrintedTable", "as_printed", "begins_as_number"]
 
 Key = tuple[str, str]
-"""A cell of a table: its row and its column."""
+"""Key of a table cell: row and column."""
 
 EXACT = 0
-"""As the number of significant digits: nothing was rounded, such as in a count."""
+"""Number of significant digits of a number that was not rounded, such as a count."""
 
 _NUMBER = re.compile(
     r"(?P<sign>[-+]?)(?P<mantissa>[0-9]+(?:\.[0-9]*)?|\.[0-9]+)"
@@ -26,7 +26,7 @@ _LONGEST = 40
 
 
 class NotANumber(ValueError):
-    """A cell holds something other than a number."""
+    """The text of a cell is not a number."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,9 +34,9 @@ class Printed:
     """A printed number.
 
     Attributes:
-        text: as printed.
+        text: the printed text.
         value: the number; a duration in seconds.
-        half: half of the unit of its last digit: it stands for every number from value - half to value + half.
+        half: half of the unit of its last digit: the number stands for value - half to value + half.
         digits: its significant digits, without sign, point and exponent.
     """
 
@@ -56,17 +56,17 @@ class Printed:
         return self.value + self.half
 
     def scaled(self, factor: float) -> Printed:
-        """Return it times a factor, rounding included."""
+        """Return the number times a factor, rounding included."""
         return replace(self, value=self.value * factor, half=self.half * abs(factor))
 
 
 def as_printed(text: str, digits: int | None = None) -> Printed:
-    """Return the number that a cell prints: `0.1234`, `12.289e5`, `12.289·10^5`, `-25.2 %`, or `2:47:58` in seconds.
+    """Parse a printed number: `0.1234`, `12.289e5`, `12.289·10^5`, `-25.2 %`, or `2:47:58` in seconds.
 
     Args:
-        text: of the cell; a sign of percent is ignored.
-        digits: how many significant digits it was rounded to where the text leaves out zeros at the end, `EXACT` where
-            it was not rounded; None takes the digits that stand there.
+        text: text of the cell; a percent sign is ignored.
+        digits: number of significant digits where trailing zeros are omitted, `EXACT` if it was not rounded; None for
+            the digits as printed.
 
     Raises:
         NotANumber: the text is not a number.
@@ -92,7 +92,7 @@ def as_printed(text: str, digits: int | None = None) -> Printed:
 
 
 def begins_as_number(text: str) -> bool:
-    """Return whether a cell that is not a number begins as one: `1.5 ± 0.1`, `1,500`, `< 3`, `12.5*`."""
+    """Return whether a cell that is not a number begins like one: `1.5 ± 0.1`, `1,500`, `< 3`, `12.5*`."""
     return _BEGINS.match(text.strip()) is not None
 
 
@@ -101,10 +101,10 @@ class PrintedTable:
     """A printed table.
 
     Attributes:
-        name: what reports call it, such as `4.6`.
-        rows: names of its rows, in their order.
-        columns: names of its columns, in their order.
-        cells: its numbers; a blank cell has none.
+        name: its name in reports, such as `4.6`.
+        rows: row names in order.
+        columns: column names in order.
+        cells: its numbers by key, without blank cells.
     """
 
     name: str
@@ -113,7 +113,7 @@ class PrintedTable:
     cells: Mapping[Key, Printed] = field(default_factory=dict)
 
     def filled(self) -> Iterator[tuple[Key, Printed]]:
-        """Give every cell that holds a number, row by row."""
+        """Yield every cell with a number, row by row."""
         for row in self.rows:
             for column in self.columns:
                 if (row, column) in self.cells:

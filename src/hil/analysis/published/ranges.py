@@ -1,4 +1,4 @@
-"""Numbers known within two bounds, and the sensitivity of a result to each of them."""
+"""Interval arithmetic with partial derivatives."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _FLAT = (0.0, 0.0)
 
 
 class Undefined(ArithmeticError):
-    """A formula has no value for some numbers within the ends of what it is computed from."""
+    """A formula has no value for some numbers within the intervals of its operands."""
 
 
 def _product(one: _Ends, other: _Ends) -> _Ends:
@@ -27,16 +27,16 @@ def _sum(one: _Ends, other: _Ends) -> _Ends:
 
 @dataclass(frozen=True, slots=True)
 class Range:
-    """Every number from `low` to `high`, with its partial derivatives.
+    """An interval from `low` to `high`, with its partial derivatives.
 
-    The result of arithmetic contains every result that the operands allow (interval arithmetic), and `slopes` contains
-    every partial derivative with respect to each variable (automatic differentiation). Where none of them changes its
-    sign, the result is monotone, and its ends are those at two corners: see `Formula.over`.
+    Results contain every value that the operands allow (interval arithmetic), and `slopes` contains every partial
+    derivative with respect to each variable (automatic differentiation). Where none of them changes sign, the result is
+    monotone, and its ends are taken at two corners: see `Formula.over`.
 
     Attributes:
         low: the lower end.
         high: the upper end.
-        slopes: the ends of the derivative with respect to each variable that it depends on.
+        slopes: interval of the derivative with respect to each variable.
     """
 
     low: float
@@ -77,7 +77,7 @@ class Range:
         return self * other.inverse()
 
     def inverse(self) -> Range:
-        """Return one over it.
+        """Return the reciprocal.
 
         Raises:
             Undefined: it may be zero.
@@ -87,7 +87,7 @@ class Range:
         return self._through((1 / self.high, 1 / self.low), _negative(self.low, self.high))
 
     def power(self, exponent: int) -> Range:
-        """Return its power with a whole exponent."""
+        """Return an integer power."""
         if exponent < 0:
             return self.power(-exponent).inverse()
         if exponent == 0:
@@ -95,7 +95,7 @@ class Range:
         return self._through(_power(self.ends, exponent), tuple(exponent * each for each in _slope(self, exponent)))
 
     def rising(self, function: Callable[[float], float], slope: Callable[[float], float], least: float) -> Range:
-        """Return a function that rises, and whose slope rises or falls all the way, of numbers above `least`.
+        """Apply an increasing function with monotone slope, defined above `least`.
 
         Raises:
             Undefined: it may be at or below `least`.
@@ -107,7 +107,7 @@ class Range:
 
     @staticmethod
     def extreme(ranges: Sequence[Range], choose: Callable[[Iterable[float]], float]) -> Range:
-        """Return the least or the largest of several, by `min` or `max`."""
+        """Return the minimum or maximum of several intervals, by `min` or `max`."""
         slopes: dict[Hashable, _Ends] = {}
         for key in {key for each in ranges for key in each.slopes}:
             all_ends = [end for each in ranges for end in each.slopes.get(key, _FLAT)]
@@ -148,5 +148,5 @@ def constant(value: float) -> Range:
 
 
 def variable(low: float, high: float, key: Hashable) -> Range:
-    """Return a variable between two bounds, under its name in the slopes."""
+    """Return a variable with an interval, identified in `slopes` by `key`."""
     return Range(low, high, {key: (1.0, 1.0)})

@@ -1,1 +1,1 @@
-"""Current-voltage curves of solar cells: characteristic figures at stated conditions."""
+"""Current-voltage curves of solar cells: characteristic figures at reference conditions."""

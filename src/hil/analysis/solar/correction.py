@@ -1,4 +1,4 @@
-"""Correction of current-voltage curves to other conditions: IEC 60891:2021, procedures 1 and 2."""
+"""Correction of current-voltage curves to other conditions by IEC 60891:2021, procedures 1 and 2."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ from hil.model.figure import Figure
 __all__ = ["COEFFICIENTS", "IvConditions", "corrected", "reference_irradiance"]
 
 COEFFICIENTS = ("alpha", "beta", "resistance", "kappa", "light")
-"""Of `IvConditions`."""
+"""The correction coefficients among the attributes of `IvConditions`."""
 
 _NONE = Figure(value=0.0, unit="1", uncertainty=0.0)
-_LOW = 0.2  # of the highest voltage: from there on down the current is that of short circuit
+_LOW = 0.2  # of the highest voltage: below it the current is the short-circuit current
 _TURNS = 5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IvConditions:
-    """The target conditions of a curve's correction, and its coefficients, all of them stated at these conditions.
+    """Target conditions of a correction, and its coefficients, stated at these conditions.
 
     Attributes:
-        irradiance: [W/m^2].
-        temperature: [degC].
-        procedure: of IEC 60891:2021.
-        alpha: change of the short-circuit current: [A/K] for procedure 1, relative [1/K] for procedure 2.
-        beta: change of the open-circuit voltage: [V/K] for procedure 1, relative [1/K] for procedure 2.
+        irradiance: target irradiance [W/m^2].
+        temperature: target temperature [degC].
+        procedure: procedure of IEC 60891:2021, 1 or 2.
+        alpha: temperature coefficient of short-circuit current: [A/K] for procedure 1, relative [1/K] for procedure 2.
+        beta: temperature coefficient of open-circuit voltage: [V/K] for procedure 1, relative [1/K] for procedure 2.
         resistance: internal series resistance [ohm].
         kappa: curve correction factor [ohm/K].
         light: B1, relative change of the open-circuit voltage over ln(irradiance) [1]; for procedure 2.
@@ -49,17 +49,17 @@ class IvConditions:
 
 
 def corrected(measured: Array, conditions: IvConditions | None) -> tuple[Array, Array]:
-    """Return voltage and current at the conditions, each point from its own irradiance and temperature.
+    """Return voltage [V] and current [A], (n,) each, corrected point by point from its irradiance and temperature.
 
-    With 1 for measured and 2 for the conditions, procedure 1 is I2 = I1 + Isc1 (G2/G1 - 1) + alpha (T2 - T1) and
+    With 1 for measured and 2 for the target, procedure 1 is I2 = I1 + Isc1 (G2/G1 - 1) + alpha (T2 - T1) and
     V2 = V1 - Rs (I2 - I1) - kappa I2 (T2 - T1) + beta (T2 - T1); Isc1 is proportional to G1. Procedure 2, with B2 = 0
     and coefficients that hold at the conditions, is I2 = I1 (G2/G1) / (1 + alpha (T1 - T2)) and
     V2 = V1 - (Rs + kappa (T1 - T2)) (I2 - I1) - kappa I2 (T2 - T1) + Voc2 (beta f (T2 - T1) + 1 - 1/f) with
     f = 1 + B1 ln(G2/G1); Voc2 is found by repetition.
 
     Args:
-        measured: voltage [V], current [A], irradiance [W/m^2] and temperature [degC], shape (4, n), by rising voltage.
-        conditions: None for no correction. Without light there is none, either.
+        measured: voltage [V], current [A], irradiance [W/m^2] and temperature [degC], shape (4, n), voltage ascending.
+        conditions: target conditions; None for no correction. Without light there is no correction either.
     """
     voltage, current, light, warmth = measured
     if conditions is None or not voltage.size or not (light > 0.0).all():
@@ -84,15 +84,15 @@ def corrected(measured: Array, conditions: IvConditions | None) -> tuple[Array, 
 
 @traced
 def reference_irradiance(current: Figure, temperature: Figure, sensitivity: Figure, coefficient: Figure) -> Figure:
-    """Return the irradiance [W/m^2] that a reference cell shows: G = I / (s (1 + a (T - 25 degC))).
+    """Return the irradiance [W/m^2] measured by a reference cell: G = I / (s (1 + a (T - 25 degC))).
 
     Source: IEC 60904-1:2020.
 
     Args:
         current: short-circuit current [A].
-        temperature: of the reference cell [degC].
-        sensitivity: s at 25 degC [A.m^2/W]; spectral mismatch to the cell under test belongs to its uncertainty.
-        coefficient: a [1/K].
+        temperature: temperature of the reference cell [degC].
+        sensitivity: s at 25 degC [A.m^2/W]; its uncertainty should include spectral mismatch to the cell under test.
+        coefficient: temperature coefficient a [1/K].
     """
     kelvin = temperature.value - 25.0
     gain = sensitivity.value * (1.0 + coefficient.value * kelvin)

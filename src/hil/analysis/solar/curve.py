@@ -1,4 +1,4 @@
-"""One sweep of a solar cell as figures with uncertainties, corrected to stated conditions; and sweeps compared."""
+"""Evaluation of a solar-cell sweep: figures with uncertainties, corrected to conditions; comparison of sweeps."""
 
 from __future__ import annotations
 
@@ -22,22 +22,22 @@ __all__ = ["IvCurve", "IvSweep", "curve_difference", "iv_curve"]
 Values: TypeAlias = Sequence[Figure] | Sequence[float] | Array
 
 _OF_VALUE, _OF_UNCERTAINTY = 9, 6
-"""Significant digits: what follows depends on how the machine orders sums, as small differences of fits are taken."""
+"""Significant digits; further ones depend on the machine's order of summation."""
 
 _COLUMNS = ("voltage", "current", "irradiance", "temperature")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IvSweep:
-    """One pass over the curve, n points in any order.
+    """One sweep over the curve, n points in any order.
 
-    Of figures the uncertainty counts as shared by all points of a column; of plain numbers only the scatter is known.
+    The uncertainty of figures is common to all points of a column; plain numbers have only their scatter.
 
     Attributes:
-        voltage: at the cell [V].
-        current: out of its positive terminal [A].
-        irradiance: with each point [W/m^2].
-        temperature: of the cell, with each point [degC].
+        voltage: cell voltage [V].
+        current: current out of the positive terminal [A].
+        irradiance: irradiance at each point [W/m^2].
+        temperature: cell temperature at each point [degC].
     """
 
     voltage: Values
@@ -48,16 +48,16 @@ class IvSweep:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IvCurve:
-    """The figures of a sweep at the stated conditions; resistance and conductance are those of the measurement.
+    """Results of a sweep at the target conditions; resistance and conductance are those of the measurement.
 
     Attributes:
-        figures: by the names of `hil.analysis.solar.fits.UNITS`; NOT_OBSERVABLE where the sweep does not show it.
-        scatter: the same with the uncertainty from the scatter alone, for comparing sweeps of the same instruments.
-        reach: how far the lowest point is from short circuit, as a share of the open-circuit voltage.
-        extrapolated: short-circuit current less the current of the lowest point [A].
+        figures: by the names of `hil.analysis.solar.fits.UNITS`; NOT_OBSERVABLE where the sweep does not determine one.
+        scatter: the same with uncertainty from scatter alone, for comparing sweeps by the same instruments.
+        reach: distance of the lowest point from short circuit, as a share of the open-circuit voltage.
+        extrapolated: short-circuit current minus the current of the lowest point [A].
         irradiance, temperature: means over the sweep, uncorrected [W/m^2] and [degC].
-        voltage, current: corrected points, (n,) in V and A, by rising voltage.
-        gates: with their answers.
+        voltage, current: corrected points, (n,) in V and A, voltage ascending.
+        gates: the gates with their results.
     """
 
     figures: Mapping[str, Figure]
@@ -72,23 +72,23 @@ class IvCurve:
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """What speaks against the figures, a sentence each."""
+        """The reasons to doubt the figures, one sentence each."""
         return tuple(str(gate) for gate in self.gates if gate.ok is False)
 
 
 @traced
 def iv_curve(sweep: IvSweep, conditions: IvConditions | None = None, facts: IvFacts | None = None) -> IvCurve:
-    """Return the figures of a sweep, corrected to the conditions if there are any.
+    """Return the figures of a sweep, corrected to the conditions if given.
 
-    Scatter comes from the residuals of the local fits, with their degrees of freedom. What all points share - of
-    voltage, current, irradiance and temperature, and of each coefficient - is carried through correction and fits one
-    source after the other (GUM 5.1.3, note 2), so that what cancels in the fill factor cancels. One figure of unknown
-    uncertainty makes all results unknown.
+    Scatter is taken from the residuals of the local fits, with their degrees of freedom. Errors common to all points -
+    of voltage, current, irradiance, temperature, and each coefficient - are propagated through correction and fits one
+    by one (GUM 5.1.3, note 2), so that they cancel in the fill factor as they should. One figure of unknown uncertainty
+    makes all results' uncertainties unknown.
 
     Args:
-        sweep: its columns have one length.
-        conditions: None for those of the sweep itself.
-        facts: prior knowledge.
+        sweep: the sweep; all columns have the same length.
+        conditions: target conditions; None for those of the sweep itself.
+        facts: prior knowledge, for the gates.
 
     Raises:
         ValueError: fewer than two points are finite.
@@ -125,9 +125,14 @@ def iv_curve(sweep: IvSweep, conditions: IvConditions | None = None, facts: IvFa
 
 @traced
 def curve_difference(first: IvCurve, second: IvCurve, name: str) -> Figure:
-    """Return (second - first) / mean of one figure in `1`, of two sweeps with the same instruments.
+    """Return the relative difference (second - first) / mean of one figure in `1`, for sweeps by the same instruments.
 
-    Common errors of the sweeps cancel, so the uncertainty is that of their scatter.
+    Common errors cancel, so the uncertainty is that of the scatter.
+
+    Args:
+        first: the reference sweep.
+        second: the sweep to compare.
+        name: name of the figure, a key of `hil.analysis.solar.fits.UNITS`.
     """
     one, other = first.scatter[name], second.scatter[name]
     mean = (one.value + other.value) / 2.0
@@ -168,7 +173,7 @@ def _unknown(conditions: IvConditions | None) -> bool:
 def _changes(
     measured: Array, shared: Sequence[tuple[int, Array, float]], conditions: IvConditions | None, base: Array
 ) -> Iterator[tuple[Array, float]]:
-    """Yield by how much each shared source moves the figures, with its degrees of freedom."""
+    """Yield the change of the figures by each common error, with its degrees of freedom."""
     for place, spread, dof in shared:
         moved = measured.copy()
         moved[place] += spread

@@ -1,8 +1,8 @@
-"""What the points of a current-voltage curve show: local fits near short circuit, near open circuit, at the maximum.
+"""Local fits to a current-voltage curve: near short circuit, near open circuit, and around maximum power.
 
-In the way of ASTM E1036-15. Near open circuit and down to the knee the fit is of the single-diode equation,
-V = Voc + a ln(1 - (I + g (V - Voc)) / (Isc - g Voc)) - Rs I with g the shunt's conductance, which is linear in Voc, a
-and Rs. Around the maximum the power is a polynomial of the voltage; of degree 5, as four leave 0.05 % of a sharp knee.
+Following ASTM E1036-15. From open circuit to the knee the single-diode equation is fitted,
+V = Voc + a ln(1 - (I + g (V - Voc)) / (Isc - g Voc)) - Rs I with g the shunt conductance, which is linear in Voc, a and
+Rs. Around the maximum, power is a polynomial of voltage; of degree 5, because degree 4 misses a sharp knee by 0.05 %.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ UNITS: Mapping[str, str] = {
     "series_resistance": "ohm",
     "shunt_conductance": "S",
 }
-"""The figures of a curve."""
+"""The figures of a curve with their units."""
 
 ISC, VOC, PMAX, _VMP, _IMP, _FF, _RS, _SHUNT = range(len(UNITS))
 RESISTANCES = slice(_RS, _SHUNT + 1)
 
 AROUND = 0.90
-"""Of the largest power: from here on points count as around it."""
+"""Share of the maximum power above which points count as around it."""
 
 _NEAR_SHORT, _NEAR_OPEN, _TO_KNEE = 0.2, 0.5, 0.9  # of open voltage, and of short-circuit current
 _BEYOND = 0.3  # of short-circuit current that may flow into the cell; the equation holds there, too
@@ -47,12 +47,12 @@ _FEWEST_SHORT, _FEWEST_OPEN, _FEWEST_KNEE, _FEWEST_SIDE = 3, 5, 8, 2
 
 @dataclass(slots=True)
 class Estimates:
-    """Values in the order of `UNITS`, NaN where there are too few points, with the uncertainty from their scatter.
+    """Values in the order of `UNITS`, NaN where there are too few points, with variances from scatter.
 
     Attributes:
-        values, variances, dofs: one number for each figure.
-        sides: how many points around the maximum are below and above it.
-        rough: rms of the power around the polynomial, over the maximum.
+        values, variances, dofs: one number per figure.
+        sides: number of points around the maximum below and above it.
+        rough: rms residual of the power polynomial, relative to the maximum.
     """
 
     values: Array = field(default_factory=lambda: np.full(len(UNITS), math.nan))
@@ -67,7 +67,7 @@ class Estimates:
 
 
 def estimated(voltage: Array, current: Array) -> Estimates:
-    """Return the figures of points, (n,) in V and A, by rising voltage."""
+    """Return the figures of points, (n,) in V and A, voltage ascending."""
     found = Estimates()
     if not ((voltage > 0.0) & (current > 0.0)).any():
         return found
@@ -83,7 +83,7 @@ def estimated(voltage: Array, current: Array) -> Estimates:
     three = [ISC, VOC, PMAX]
     isc, voc, power = found.values[three]
     if isc > 0.0 and voc > 0.0:
-        # The fits use different points, so that their scatter is independent.
+        # The fits use disjoint points, so their scatter is independent.
         shares = found.variances[three] / np.square(found.values[three])
         dof = effective_dof(zip(shares.tolist(), found.dofs[three].tolist(), strict=True))
         ratio = power / (isc * voc)
@@ -104,7 +104,7 @@ def _near_open(found: Estimates, voltage: Array, current: Array, source: float, 
 
 
 def _around_maximum(found: Estimates, voltage: Array, current: Array) -> None:
-    """Take the largest value of the polynomial; its scatter is carried to place and current by their gradients."""
+    """Find the maximum of the polynomial, propagating its scatter to voltage and current by their gradients."""
     power = voltage * current
     top = int(np.argmax(power))
     used = (power >= AROUND * power[top]) & (current > 0.0)

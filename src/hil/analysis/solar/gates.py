@@ -1,4 +1,4 @@
-"""Gates on a current-voltage curve, applied before its figures are used."""
+"""Gates on a current-voltage curve: plausibility checks of a sweep."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ _FARTHEST = {1: 0.2, 2: 0.4}  # by procedure: the largest correction of the irra
 _WARMEST_K = 40.0
 _CLIPPED = 5
 _ROUGH = 0.005  # of the maximum power
-_PARTS = 3  # of a sweep, whose means show drift where single readings show noise
+_PARTS = 3  # parts of a sweep whose means are compared for drift
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IvFacts:
-    """Prior knowledge of cell and lamp; None if unknown.
+    """Prior knowledge of cell and lamp; None where unknown.
 
     Attributes:
         current: short-circuit current of the data sheet [A].
         voltage: open-circuit voltage of the data sheet [V].
-        irradiance: what this lamp gives at this place [W/m^2], from an earlier survey.
-        drift: by which share the irradiance may change within one sweep.
+        irradiance: irradiance of this lamp at this position, from an earlier survey [W/m^2].
+        drift: tolerated relative change of irradiance within one sweep.
     """
 
     current: float | None = None
@@ -49,7 +49,7 @@ def ask(
         measured: see `hil.analysis.solar.correction.corrected`; at least one point.
         shown: voltage and current as corrected.
         found: the figures.
-        conditions: what was corrected to.
+        conditions: target conditions.
         facts: prior knowledge.
     """
     voltage, current, light, warmth = measured

@@ -1,4 +1,4 @@
-"""Noise coefficients from bands of a spectrum, and how they agree with those of an Allan deviation.
+"""Noise coefficients from bands of a spectrum, and their agreement with those of an Allan deviation.
 
 Definitions follow IEEE Std 952-1997, annex C: two-sided spectra of the rate N^2 (white), B^2 / (2 pi f) (flicker),
 (K / 2 pi f)^2 (random walk) and (2 pi f)^2 Q^2 / rate (quantisation). One-sided densities are twice that.
@@ -44,7 +44,7 @@ _PASSED = 0.25  # of a filter's bandwidth: a second order takes 0.2 % of the roo
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bands:
-    """Means of a spectrum over bands, ten a decade where there are points, without lines; arrays of one shape (k,).
+    """Band means of a spectrum without its lines, up to ten bands per decade; arrays of one shape (k,).
 
     Attributes:
         frequency: mean frequency in Hz.
@@ -65,23 +65,23 @@ class Bands:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SpectralNoise:
-    """A sensor's noise, as shown by the spectrum of a record at rest.
+    """Noise model of a sensor, from the spectrum of a record at rest.
 
     Attributes:
-        density: one-sided density of the white noise, as data sheets give it: sqrt(2) N, in unit/sqrt(Hz).
+        density: one-sided white-noise density as in data sheets: sqrt(2) N, in unit/sqrt(Hz).
         white: white noise N (of a gyroscope: angle random walk), in unit/sqrt(Hz).
         flicker: flicker B (bias instability), in the rate's unit.
         random_walk: random walk of the rate K, in unit*sqrt(Hz).
         quantisation: quantisation of the angle Q, in unit*s.
-        spectrum: every point.
-        bands: means over bands, and the fit.
-        lines: what noise does not explain; it is in no band.
-        false_alarm: probability of one line or more in noise alone.
+        spectrum: the full spectrum.
+        bands: band means, and the fit.
+        lines: spectral lines not explained by noise, excluded from the bands.
+        false_alarm: probability of any line in pure noise.
         chi: root of chi-square per degree of freedom of the fit, NaN where nothing was fitted.
-        lowest: lower end of what was fitted, in Hz.
-        highest: upper end of what was fitted, in Hz; below half of the rate where a filter bends the spectrum.
-        model_error: relative uncertainty that the model itself had to be granted: 0 or 0.03.
-        remark: why something is not observable or the model is rejected, else empty.
+        lowest: lower end of the fitted range [Hz].
+        highest: upper end of the fitted range [Hz]; below half the rate where a filter bends the spectrum.
+        model_error: relative model error granted in the fit: 0 or 0.03.
+        remark: why something is not observable or the model is rejected, otherwise empty.
     """
 
     density: Figure
@@ -114,25 +114,25 @@ def psd(
 ) -> SpectralNoise:
     """Return spectrum, lines and noise coefficients of a sensor at rest, each with its uncertainty and status.
 
-    Model of the one-sided density, with s = 2 rate sin(pi f / rate), which is 2 pi f for low frequencies: 2 N^2 + B^2 /
-    (pi f) + 2 K^2 / s^2 + 2 s^2 Q^2 / rate. It is fitted to means over bands by maximum likelihood, in every subset of
-    its terms. A term is kept where -2 ln(likelihood) falls by 9 or more for it. While the misfit has a probability
-    below 0.001 and the highest band lies below the fit to the others, the highest ones are left out, up to a factor of
-    8 in frequency, and two bands more: a sensor's own filter bends the spectrum there, and quantisation cannot be
-    distinguished from it. If that does not help, the model is allowed an error of 3 %; if it still does not fit, it is
+    Model of the one-sided density, with s = 2 rate sin(pi f / rate), which is 2 pi f for low frequencies:
+    2 N^2 + B^2 / (pi f) + 2 K^2 / s^2 + 2 s^2 Q^2 / rate. Every subset of its terms is fitted to band means by maximum
+    likelihood. A term is kept where it lowers -2 ln(likelihood) by at least 9. While the misfit has a probability below
+    0.001 and the highest band lies below the fit to the others, the highest bands are dropped, up to a factor of 8 in
+    frequency, plus two bands: the sensor's own filter bends the spectrum there, and cannot be distinguished from
+    quantisation. If that fails, a model error of 3 % is granted; if the model still does not fit, it is
     rejected.
 
-    A coefficient is MEASURED where its term is kept, no subset without it describes the bands as well, and its square
-    is known to 50 % or better; else an UPPER_LIMIT with 95 % confidence. Values come from a fit with all terms.
+    A coefficient is MEASURED where its term is kept, no subset without it fits equally well, and its square is known to
+    50 % or better; otherwise it is an UPPER_LIMIT at 95 % confidence. Values come from a fit with all terms.
 
     Args:
         data: evenly spaced rate at rest, shape (n,), in `unit`.
-        rate: samples per second.
+        rate: sampling rate [Hz].
         unit: unit of the data.
-        how: segments, window, overlap, detrending, and confidence of the intervals.
-        bandwidth: of the sensor's own filter, 3 dB down, in Hz; what lies above a quarter of it is not fitted.
-        rotation: of a rate table, in Hz, of which harmonics are named.
-        false_alarm: probability of one line or more in noise alone.
+        how: segments, window, overlap, detrending, and confidence level of the intervals.
+        bandwidth: -3 dB bandwidth of the sensor's own filter [Hz]; frequencies above a quarter of it are not fitted.
+        rotation: rotation frequency of a rate table [Hz], to identify its harmonics.
+        false_alarm: probability of any line in pure noise.
         holes: whether NaN marks a missing sample.
 
     Raises:
@@ -181,7 +181,7 @@ def _still(data: ArrayLike) -> bool:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Agreement:
-    """Coefficients of a spectrum over those of an Allan deviation; NOT_OBSERVABLE where not both are measured."""
+    """Ratios of spectral to Allan coefficients; NOT_OBSERVABLE unless both are measured."""
 
     quantisation: Figure
     white: Figure
@@ -189,7 +189,7 @@ class Agreement:
     random_walk: Figure
 
     def doubts(self) -> tuple[str, ...]:
-        """Return a sentence for each ratio that is off 1 by more than four standard uncertainties."""
+        """Return a sentence for each ratio that differs from 1 by more than four standard uncertainties."""
         ratios = {name.replace("_", " "): getattr(self, name) for name in Agreement.__slots__}
         return tuple(
             f"{name} of the spectrum is {ratio.value:.3g} times that of the Allan deviation"
@@ -202,8 +202,8 @@ class Agreement:
 def agreement(spectral: SpectralNoise, allan: NoiseModel) -> Agreement:
     """Return the ratios of the coefficients of a spectrum to those of an Allan deviation of the same record.
 
-    Both see the same noise, so their errors are correlated; the uncertainty treats them as independent, which is too
-    large rather than too small. A wrong rate, a density taken for two-sided, or a line shows as a ratio other than 1.
+    Both see the same noise, so their errors are correlated; the uncertainty takes them as independent, which is
+    conservative. A wrong rate, a density mistaken for two-sided, or a line shows as a ratio other than 1.
 
     Args:
         spectral: from `psd`.
@@ -218,7 +218,7 @@ def _ratio(one: Figure, other: Figure) -> Figure:
 
 
 def _bands(whole: Spectrum, found: tuple[Line, ...]) -> tuple[Bands, _Array]:
-    """Return means over bands without lines, and those of the terms for unit squares, shape (k, 4)."""
+    """Return band means without lines, and those of the terms for unit squares, shape (k, 4)."""
     kept = np.ones(whole.density.size, dtype=np.bool_)
     for line in found:
         kept[line.first : line.last + 1] = False
@@ -245,7 +245,7 @@ def _bands(whole: Spectrum, found: tuple[Line, ...]) -> tuple[Bands, _Array]:
 
 
 def _terms(whole: Spectrum, places: NDArray[np.intp]) -> tuple[_Array, ...]:
-    """Return the density of each term for a unit square at these points, as the window smears it."""
+    """Return the density of each term for a unit square at these points, smeared by the window."""
 
     def at(points: _Array) -> _Array:
         frequency = points * (whole.rate / whole.segment)
@@ -275,7 +275,7 @@ class _Fit:
 
 
 def _search(bands: Bands, design: _Array, bandwidth: float | None) -> _Fit | None:
-    """Return the first fit that holds: of all bands, without the highest ones, with a model error; None without any."""
+    """Return the first acceptable fit: of all bands, without the highest ones, with a model error; None if none is."""
     usable = int((bands.frequency <= _PASSED * bandwidth).sum()) if bandwidth else bands.frequency.size
     if usable < _FEWEST or not (bands.density > 0.0).all():
         return None
@@ -291,7 +291,7 @@ def _search(bands: Bands, design: _Array, bandwidth: float | None) -> _Fit | Non
 
 
 def _filtered(bands: Bands, design: _Array, usable: int, found: _Fit) -> bool:
-    """Whether the highest band lies below a fit without it, as after a filter; otherwise the misfit is elsewhere."""
+    """Return whether the highest band lies below a fit without it, as with a filter."""
     expected = float(design[usable - 1] @ found.squares)
     return float(bands.density[usable - 1]) < expected * (1.0 - _CLEARLY * math.sqrt(2.0 / bands.edf[usable - 1]))
 

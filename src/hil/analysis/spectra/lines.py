@@ -1,4 +1,4 @@
-"""Spectral lines: peaks above the noise by more than chance, their strength, and their possible origin."""
+"""Spectral lines: detection above the noise floor, amplitude, and likely origin."""
 
 from __future__ import annotations
 
@@ -33,17 +33,17 @@ _CROWDED = 0.02  # of the spectrum: an alias that is known no better names every
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Line:
-    """A peak of the spectrum that noise does not explain.
+    """A peak of the spectrum not explained by noise.
 
     Attributes:
-        frequency: in Hz, without the error of the clock that gave the rate.
-        amplitude: of the sine with its power, peak, in the unit of the data.
-        height: density over that of the noise around it.
+        frequency: frequency [Hz]; its uncertainty excludes the clock error of the rate.
+        amplitude: peak amplitude of the sine of equal power, in the unit of the data.
+        height: density relative to the noise around it.
         false_alarm: probability that noise makes such a peak anywhere in the spectrum.
-        first: number of its first point, counted from 0.
-        last: number of its last point.
-        narrow: whether it is as narrow as a sine; otherwise it is a resonance, or wanders.
-        origin: what it may come from: mains, the table's rotation, a harmonic; empty if nothing is known.
+        first: index of its first point.
+        last: index of its last point.
+        narrow: whether it is as narrow as a sine; otherwise it is a resonance, or its frequency drifts.
+        origin: likely origin: mains, the table's rotation, a harmonic; empty if unknown.
     """
 
     frequency: Figure
@@ -57,12 +57,12 @@ class Line:
 
 
 def lobe(window: str) -> int:
-    """Return how many points a sine reaches to either side: half of the window's main lobe."""
+    """Return the half-width of the window's main lobe in points."""
     return len(WINDOWS[window])
 
 
 def _shared(spectrum: Spectrum) -> float:
-    """Return how many neighbouring points are worth one independent one."""
+    """Return the number of neighbouring points equivalent to one independent point."""
     many = 1 << 16
     return (
         float(spectrum.edf[1])
@@ -72,17 +72,17 @@ def _shared(spectrum: Spectrum) -> float:
 
 
 def find(spectrum: Spectrum, *, false_alarm: float = 0.01, rotation: float | None = None) -> tuple[Line, ...]:
-    """Return the lines of a spectrum, in order of rising frequency.
+    """Return the lines of a spectrum, in ascending order of frequency.
 
-    The noise around a point is the median of up to 64 points on either side, as many on one as on the other, so that a
-    slope does not matter. Density over noise is F-distributed; a peak is a line where noise would make one as high
-    anywhere in the spectrum with a probability of `false_alarm` at most (Bonferroni). Its power is the excess above the
-    noise over its points; its frequency is the vertex of a parabola through three logarithms.
+    The noise floor at a point is the median of up to 64 points on either side, equally many on both, so that a slope
+    has no effect. Density over noise is F-distributed; a peak is a line if noise would make one as high anywhere in the
+    spectrum with a probability of at most `false_alarm` (Bonferroni). Its power is the excess over the noise in its
+    points; its frequency is the vertex of a parabola through three log densities.
 
     Args:
         spectrum: with at least 16 points.
-        false_alarm: probability of one line or more in a spectrum of noise alone.
-        rotation: of a rate table, in Hz, of which harmonics are named.
+        false_alarm: probability of any line in a spectrum of pure noise.
+        rotation: rotation frequency of a rate table [Hz], to identify its harmonics.
     """
     from scipy.special import fdtrc  # noqa: PLC0415 - scipy is slow to import
 
@@ -101,7 +101,7 @@ def find(spectrum: Spectrum, *, false_alarm: float = 0.01, rotation: float | Non
 
 
 def _floor(spectrum: Spectrum) -> tuple[_Array, _Array]:
-    """Return the density of the noise around each point, and how many independent points that is known from."""
+    """Return the noise floor at each point, and the number of independent points behind it."""
     from scipy.special import gammaincinv  # noqa: PLC0415 - scipy is slow to import
 
     density, size, near = spectrum.density, spectrum.density.size, lobe(spectrum.window)
@@ -160,7 +160,7 @@ def _line(spectrum: Spectrum, noise: _Array, chance: _Array, peak: int) -> Line:
 
 
 def _offset(spectrum: Spectrum, noise: _Array, peak: int) -> tuple[float, float]:
-    """Return by how many points the peak is off its point, and the standard uncertainty of that."""
+    """Return the fractional offset of the peak in points, and its standard uncertainty."""
     missed = _BENT.get(spectrum.window, _MISSED) / math.sqrt(3.0)
     if peak + 2 > spectrum.density.size - 1:
         return 0.0, 0.5

@@ -1,8 +1,8 @@
-"""Power spectral density by Welch's method, each point with its interval, in memory that does not grow with the record.
+"""Power spectral density by Welch's method with confidence intervals, in memory independent of the record length.
 
 Source: P. D. Welch, "The use of fast Fourier transform for the estimation of power spectra", IEEE Transactions on
-Audio and Electroacoustics 15 (1967). Densities are one-sided: their sum over the frequencies from 0 to half of the
-rate, times the distance between two, is the variance. The two-sided density is half of that.
+Audio and Electroacoustics 15 (1967). Densities are one-sided: their sum over the frequencies from 0 to half the rate,
+times the frequency spacing, is the variance. The two-sided density is half of that.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _Array: TypeAlias = NDArray[np.float64]
 Detrend: TypeAlias = Literal["none", "constant", "linear"]
 
 DETRENDS: tuple[Detrend, ...] = ("none", "constant", "linear")
-"""What is taken off each segment: nothing, its mean, or its straight line."""
+"""Detrending of each segment: none, its mean, or its straight line."""
 
 WINDOWS: Mapping[str, tuple[float, ...]] = {
     "hann": (0.5, 0.5),
@@ -35,7 +35,7 @@ WINDOWS: Mapping[str, tuple[float, ...]] = {
     "flattop": (0.21557895, 0.41663158, 0.277263158, 0.083578947, 0.006947368),
     "boxcar": (1.0,),
 }
-"""Windows by name: coefficients a of the sum of a[k] (-1)^k cos(2 pi k n / segment). `boxcar` is none at all."""
+"""Windows by name: coefficients a of the sum of a[k] (-1)^k cos(2 pi k n / segment). `boxcar` is no window."""
 
 _LEAST, _SHARE, _LONGEST = 16, 8, 1 << 20  # samples, parts of the record, samples: of a segment that nobody chose
 _FEW = 4  # segments
@@ -46,15 +46,15 @@ _TOGETHER, _LONG = 4, 1 << 17  # segments that the processor transforms in one g
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Welch:
-    """The settings of a spectrum.
+    """Settings of a spectrum.
 
     Attributes:
-        segment: samples of a segment, at least 4; by default the largest power of two within an eighth of the record,
+        segment: samples per segment, at least 4; by default the largest power of two within an eighth of the record,
             less where segments of that length have holes.
         window: a key of WINDOWS.
-        overlap: of neighbouring segments, from 0 to below 1.
-        detrend: what is removed from each segment: none, constant (its mean) or linear.
-        confidence: of the intervals, between 0 and 1.
+        overlap: overlap of neighbouring segments, from 0 to below 1.
+        detrend: detrending of each segment: none, constant (its mean) or linear.
+        confidence: confidence level of the intervals, between 0 and 1.
     """
 
     segment: int | None = None
@@ -79,22 +79,22 @@ _USUAL = Welch()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Spectrum:
-    """A one-sided power spectral density; arrays of shape (segment // 2 + 1,), in order of rising frequency.
+    """A one-sided power spectral density; arrays of shape (segment // 2 + 1,), in ascending order of frequency.
 
     Attributes:
         unit: unit of the data; densities are in its square per Hz.
-        rate: samples per second.
+        rate: sampling rate [Hz].
         samples: length of the record, missing samples included.
-        missing: how many samples are missing.
-        segment: samples of a segment.
+        missing: number of missing samples.
+        segment: samples per segment.
         step: samples from the start of one segment to that of the next.
-        segments: how many were averaged; those that miss more than MOST_MISSING of their samples were left out.
+        segments: number averaged, without those that lack more than MOST_MISSING of their samples.
         window: name of the window, a key of WINDOWS.
-        detrend: what was removed from each segment.
-        bandwidth: equivalent noise bandwidth of a point, in Hz.
-        confidence: probability that an interval holds the true density.
-        frequency: in Hz.
-        density: one-sided.
+        detrend: detrending of each segment.
+        bandwidth: equivalent noise bandwidth of a point [Hz].
+        confidence: probability that an interval contains the true density.
+        frequency: frequencies [Hz].
+        density: one-sided densities.
         edf: effective degrees of freedom.
         low: lower ends of the confidence intervals.
         high: upper ends of the confidence intervals.
@@ -123,22 +123,22 @@ def spectrum(data: ArrayLike, rate: float, *, unit: str = "1", how: Welch = _USU
     """Return the one-sided power spectral density of evenly spaced data, with a chi-square interval for each point.
 
     With the window w, the density at f is the mean over the segments of 2 |sum w x exp(-2 pi i f t)|^2 / (rate sum
-    w^2), at zero and at half of the rate once that. Its effective degrees of freedom are 2 K / (1 + 2 sum (1 - j / K)
-    rho_j) for K segments, rho_j the square of the window's autocorrelation at a shift of j steps (Welch 1967), half of
-    that at both ends.
+    w^2), without the factor 2 at zero and at half the rate. Its effective degrees of freedom are 2 K / (1 + 2 sum (1 -
+    j / K) rho_j) for K segments, rho_j the squared autocorrelation of the window at j steps (Welch 1967), half of that
+    at both ends.
 
-    A missing sample is replaced by the mean of its segment, and the segment's window is reduced accordingly: white
-    noise keeps its level.
+    A missing sample is replaced by the mean of its segment, and the segment is normalised by the remaining window, so
+    that white noise keeps its level.
 
     Args:
         data: shape (n,), in `unit`.
-        rate: samples per second.
+        rate: sampling rate [Hz].
         unit: unit of the data.
-        how: segments, window, overlap, detrending and confidence.
+        how: segments, window, overlap, detrending and confidence level.
         holes: whether NaN marks a missing sample.
 
     Raises:
-        Refused: segment or rate are not possible, the data are not finite or too short, or every segment has holes.
+        Refused: segment or rate is invalid, the data are not finite or too short, or every segment has holes.
     """
     values = np.asarray(data, dtype=np.float64)
     if values.ndim != 1:
@@ -176,7 +176,7 @@ def spectrum(data: ArrayLike, rate: float, *, unit: str = "1", how: Welch = _USU
 
 
 def _default(values: _Array, *, holes: bool) -> int:
-    """Return a power of two within an eighth of the record, of which at least four segments have few holes."""
+    """Return a power of two within an eighth of the record that gives at least four segments with few holes."""
     length = min(_LONGEST, 1 << max(4, (values.size // _SHARE).bit_length() - 1))
     before = np.concatenate([[0], np.cumsum(np.isnan(values))]) if holes else np.zeros(1)
     while holes and length > _LEAST:
@@ -193,7 +193,7 @@ def _window(name: str, length: int) -> _Array:
 
 
 def smear(name: str) -> tuple[_Array, _Array]:
-    """Return over which distances, in points, a window takes its mean of the spectrum, and with which weights."""
+    """Return the offsets, in points, and weights with which a window averages the spectrum."""
     half, parts = len(WINDOWS[name]), 16
     power = np.square(np.abs(np.fft.fft(_window(name, 128), 128 * parts)))
     offsets = np.arange(-half * parts, half * parts + 1)
@@ -202,11 +202,11 @@ def smear(name: str) -> tuple[_Array, _Array]:
 
 
 def _mean_power(values: _Array, window: _Array, step: int, detrend: Detrend, *, holes: bool) -> tuple[_Array, int]:
-    """Return the mean over segments of |transform|^2 / sum w^2, and how many there were."""
+    """Return the mean over segments of |transform|^2 / sum w^2, and the number of segments."""
     from scipy import fft  # noqa: PLC0415 - scipy is slow to import
 
     total, count = np.zeros(window.size // 2 + 1), 0
-    buffer = np.empty((_rows(window.size), window.size))  # used again: fresh memory costs as much as the arithmetic
+    buffer = np.empty((_rows(window.size), window.size))  # reused: fresh memory costs as much as the arithmetic
     for block in _blocks(values, window.size, step):
         work = _filled(block, window) if holes else block
         if len(work):
@@ -223,7 +223,7 @@ def _mean_power(values: _Array, window: _Array, step: int, detrend: Detrend, *, 
 
 
 def _blocks(values: _Array, length: int, step: int) -> Iterator[_Array]:
-    """Yield views of the segments, as many at a time as stay in the cache, shape (k, length)."""
+    """Yield views of the segments in cache-sized groups, shape (k, length)."""
     segments: _Array = sliding_window_view(values, length)[::step]
     rows = _rows(length)
     for first in range(0, len(segments), rows):
@@ -235,7 +235,7 @@ def _rows(length: int) -> int:
 
 
 def _filled(segments: _Array, window: _Array) -> _Array:
-    """Return those segments that miss few samples, means in their place, scaled to what is left of the window."""
+    """Return the segments with few missing samples, these replaced by means, rescaled to the remaining window."""
     absent = np.isnan(segments)
     kept = absent.mean(axis=1) <= MOST_MISSING
     absent, rows = absent[kept], segments[kept]
@@ -248,7 +248,7 @@ def _filled(segments: _Array, window: _Array) -> _Array:
 
 
 def _without_trend(segments: _Array, window: _Array, detrend: Detrend, made: _Array) -> _Array:
-    """Write segments without their trend, times the window, into `made`, and return that."""
+    """Write detrended and windowed segments into `made`, and return that."""
     if detrend == "none":
         return np.multiply(segments, window, out=made)
     np.subtract(segments, segments.mean(axis=1, keepdims=True), out=made)
@@ -259,16 +259,16 @@ def _without_trend(segments: _Array, window: _Array, detrend: Detrend, made: _Ar
 
 
 def degrees(window: str, step: float, segments: int, points: int) -> float:
-    """Return the effective degrees of freedom of a mean over neighbouring points of a spectrum.
+    """Return the effective degrees of freedom of a mean over adjacent points of a spectrum.
 
     That is 2 K n over the sum of the squares of the correlations between all segments and points, of which there are
     K and n: two points d apart in segments j steps apart have that of sum w[i] w[i + j step] exp(-2 pi i d / segment).
 
     Args:
         window: a key of WINDOWS.
-        step: from one segment to the next, as a part of a segment.
-        segments: how many were averaged.
-        points: how many points.
+        step: from one segment to the next, as a fraction of a segment.
+        segments: number of segments averaged.
+        points: number of points averaged.
     """
     total = 0.0
     for j, squares in enumerate(_alike(window, step)[:segments]):
@@ -280,7 +280,7 @@ def degrees(window: str, step: float, segments: int, points: int) -> float:
 
 @lru_cache(maxsize=64)
 def _alike(window: str, step: float) -> _Array:
-    """Return the squares of correlations by steps apart and points apart, shape (steps, 16)."""
+    """Return squared correlations by distance in steps and points, shape (steps, 16)."""
     taps = _window(window, _MODEL)
     moved = [round(j * step * _MODEL) for j in range(math.ceil(1.0 / step)) if round(j * step * _MODEL) < _MODEL]
     products = np.stack([np.append(taps[: _MODEL - by] * taps[by:], np.zeros(by)) for by in moved])
