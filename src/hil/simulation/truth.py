@@ -106,7 +106,7 @@ class Truth:
         Raises:
             TruthError: if nothing usable can be returned.
         """
-        keys = [str(each.metadata.get("alias", each.name)) for each in fields(model)]  # type: ignore[arg-type]  # one is
+        keys = [str(each.metadata.get("alias", each.name)) for each in fields(model)]  # type: ignore[arg-type]  # a dataclass
         self._asked += keys
         values = {key: value for key, value in {**self._usual, **self._values}.items() if key in keys}
         try:

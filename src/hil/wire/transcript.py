@@ -211,7 +211,7 @@ def damaged_lines(path: Path) -> Iterator[tuple[int, str]]:
         raise EvidenceError(f"{path} is missing", "without its transcript a run cannot be replayed")
     with path.open(encoding="ascii", errors="surrogateescape", newline="\n") as lines:
         if next(lines, "") not in _FORMATS:
-            yield 1, "the line is damaged: expected the header of a transcript of format 1 to 7"
+            yield 1, f"the line is damaged: expected the header of a transcript of format 1 to {_FORMATS[HEADER]}"
         for number, line in enumerate(lines, start=2):
             fields = line[:-1].split("\t", _FIELDS - 1)
             if line.endswith("\n") and (wrong := _wrong(fields, number - 2)):
@@ -251,7 +251,7 @@ def _lines(path: Path) -> Iterator[str]:
     with path.open(encoding="ascii", errors="surrogateescape", newline="\n") as lines:
         header = next(lines, "")
         if header not in _FORMATS:
-            raise EvidenceError(f"{path.name} is not a transcript of format 1 to 7")
+            raise EvidenceError(f"{path.name} is not a transcript of format 1 to {_FORMATS[HEADER]}")
         yield header
         yield from lines
 
