@@ -19,15 +19,18 @@ hold:
 """
 
 DRIVING = """
+import signal
 from pathlib import Path
 
 from hil.evidence.inbox import post
 
 
 def asked(*kinds):
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGALRM})  # a look between hold and release would wait for ever
     for folder in (Path(__file__).parents[2] / "reports").glob("[0-9]*"):  # there is none in a replay
         for kind in kinds:
             post(folder, kind, by="Ada", text="door")
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGALRM})
 
 
 @pytest.mark.requirement("T-050")
