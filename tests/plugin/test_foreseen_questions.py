@@ -1,4 +1,4 @@
-"""Questions that nobody would answer are told before anything is opened, with their places in plan and answers file."""
+"""Questions without anybody to answer them are reported first, with their places in plan and answers file."""
 
 from __future__ import annotations
 
@@ -189,7 +189,7 @@ def test_without_a_file_nobody_answers(cases):
 
 @pytest.mark.parametrize(("name", "told"), [("voltmeter", "'voltmeter'"), ("turned-x", "a question named turned-...")])
 def test_the_simulated_person_answers_what_the_bench_file_maps(cases, name, told):
-    """Whatever else it may be asked nobody would answer, terminal or not; a confirmation needs no map."""
+    """There is nobody to answer anything else that it may be asked, terminal or not; a confirmation needs no map."""
     without = Attended(terminal=True, simulated=KNOWN - {name}, safety=False)
     with pytest.raises(Refused) as caught:
         required(cases, None, without)

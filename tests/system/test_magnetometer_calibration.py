@@ -169,7 +169,7 @@ def test_nobody_answers(tmp_path):
     made = workspace(tmp_path / "w", {MOUNTED: ""})
     ended = made.hil("run", PLAN, "--bench", "field", "--dut", "SIM-MAG-1", "--source", "simulated", "--only", CASE)
     assert ended.code == 4, ended.out + ended.err
-    assert "nobody would answer 'board-on-table'" in ended.err
+    assert "there is nobody to answer 'board-on-table'" in ended.err
     ended = made.hil("run", PLAN, "--bench", "field", "--dut", "SIM-MAG-1", "--source", "simulated", "--ask")
     assert ended.code == 4, ended.out + ended.err
     for name in ("distortion", "board-on-table", "table-may-start"):

@@ -141,8 +141,8 @@ ANSWERS = "schema: hil/answers/1\nby: Ada\nanswers: {bare: 'yes'}\n"
 @pytest.mark.parametrize(
     ("asks", "answers", "told"),
     [
-        (GIVEN, "", "nobody would answer 'photo' (testplans/on/test_on.py:"),
-        (SEEN, "", "nobody would answer 'bare' (testplans/on/test_on.py:"),
+        (GIVEN, "", "there is nobody to answer 'photo' (testplans/on/test_on.py:"),
+        (SEEN, "", "there is nobody to answer 'bare' (testplans/on/test_on.py:"),
         (GIVEN, ANSWERS.replace("bare: 'yes'", "photo: none.png"), "none.png: there is no such file; check its path"),
         (SEEN, ANSWERS, "'bare' needs a witness (quality), and none is named"),
         (SEEN, ANSWERS + "witnesses: {bare: Ada}\n", "Ada cannot witness an own answer"),

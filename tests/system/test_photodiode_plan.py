@@ -125,7 +125,7 @@ def test_an_unanswered_question_ends_the_command_before_anything_is_switched_on(
     workspace = photodiode_workspace(tmp_path / "workspace")
     asked = workspace.hil(*COMMAND, "--ask")
     assert (asked.code, workspace.folders()) == (4, []), asked.out + asked.err
-    assert "nobody would answer 'box'" in asked.err
+    assert "there is nobody to answer 'box'" in asked.err
     assert "each needs a person: give answers with --answers FILE" in asked.err
 
 

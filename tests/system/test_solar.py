@@ -61,7 +61,7 @@ def test_an_unanswered_question_ends_the_command_before_anything_is_switched_on(
     made = solar_workspace(tmp_path / "w", plan)
     ended = made.hil("run", plan, *COMMAND, "--ask")
     assert (ended.code, made.folders()) == (4, []), ended.out + ended.err
-    assert f"nobody would answer '{asked}'" in ended.err
+    assert f"there is nobody to answer '{asked}'" in ended.err
     assert "each needs a person: give answers with --answers FILE" in ended.err
 
 

@@ -234,7 +234,7 @@ def require_answers(
     Raises:
         ConfigurationError: with every answer that no case asks for, that does not fit its question, or whose file is
             unusable, by its place in the answers file, and with every question without an answer.
-        Refused: with the questions that nobody would answer, if there is no answers file.
+        Refused: with the questions that nobody is there to answer, if there is no answers file.
     """
     prepared = load_answers(request.answers, shown(request.answers)) if request.answers else Prepared(answers={})
     findings = list(_surplus(prepared, asked)) if request.answers else []
