@@ -33,7 +33,7 @@ def test_long(supply, field, operator, record, check, clock, iterations):
     with record.during("beside", field, rate=4.0):
         for part in iterations("part", 60):
             operator.confirm("Is the jig still in its place?", name="jig")
-            clock.sleep(20.0)
+            clock.sleep(60.0)
             check("T-050", "voltage", supply.coil.voltage())
 """
 
