@@ -260,11 +260,11 @@ def until(process, true: Callable[[], object], limit_s: float, what: str) -> Non
     seconds_until(lambda: true() or process.poll() is not None, limit_s, what, every_s=0.05)
     if process.poll() is not None:
         told = process.communicate()[0]
-        refused = "the bench was not armed" in told and "said nothing" in told and "every output proven" in told
-        silent = "the executive was silent for" in told and "all outputs are safe" in told
         # A KA3005P knows the end of a command by a pause, 50 ms at four times the speed: if it was late, it took two
-        # commands for one that it does not know.
+        # commands for one that it does not know, and its setting or its output differs from what was commanded.
+        refused = "the bench was not armed" in told and "every output proven" in told
         unheard = "was switched on and is off" in told and "every output proven" in told
+        silent = "the executive was silent for" in told and "all outputs are safe" in told
         if refused or silent or unheard:
             raise NotBegunError(told)
         pytest.fail(f"it ended before {what}: {told}")
