@@ -36,6 +36,7 @@ def photodiode_workspace(
     leg: int | None = 500,
     bench: Mapping[str, str] | None = None,
     parameters: Mapping[str, str] | None = None,
+    requirements: Mapping[str, str] | None = None,
 ) -> Workspace:
     """Copy bench, fixtures and plan.
 
@@ -44,6 +45,7 @@ def photodiode_workspace(
         leg: seconds in which a light box warms, and cools; None for the box and the times that are committed.
         bench: texts of the bench file to replace, each of which is there once.
         parameters: the same of the parameters.
+        requirements: the same of the requirements, which are locked afterwards.
     """
     skipped = shutil.ignore_patterns("__pycache__")
     shutil.copytree(ROOT / "fixtures", root / "fixtures", ignore=skipped)
@@ -57,6 +59,8 @@ def photodiode_workspace(
         catalogue = workspace.plan / "requirements.yaml"
         text = catalogue.read_text(encoding="utf-8")
         catalogue.write_text(text.replace("duration: 4240 s", f"duration: {leg - 10} s"), encoding="utf-8")
+    workspace.change(f"testplans/{PLAN}/requirements.yaml", requirements or {})
+    if leg is not None or requirements:
         workspace.lock()
     workspace.change(f"fixtures/benches/{PLAN}/bench.yaml", bench or {})
     workspace.change(f"testplans/{PLAN}/parameters.yaml", parameters or {})
