@@ -97,7 +97,7 @@ class LiveClock:
             return self._real_ns() / NANOSECONDS
         return (self._began_ns + (when_ns - self._start_ns) / self._speed) / NANOSECONDS
 
-    def behind_ns(self) -> int:
+    def lag_ns(self) -> int:
         """Return how far `look` would advance bench time in ns."""
         return 0 if self._began_ns is None else max(0, self._present_ns(self._began_ns) - self._now_ns)
 

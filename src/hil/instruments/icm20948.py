@@ -21,12 +21,12 @@ from hil.clock.port import Clock
 from hil.instruments import settings
 from hil.instruments.sampled import Channel
 from hil.instruments.sensors.axes import Field, Sampling, three_axes
-from hil.instruments.sensors.behind import Behind, Condition
 from hil.instruments.sensors.fifo import Fifo, Packets
 from hil.instruments.sensors.filters import Filters
 from hil.instruments.sensors.recorder import FifoSensor
 from hil.instruments.sensors.registers import Banks, Registers
 from hil.instruments.sensors.scale import Scale
+from hil.instruments.sensors.second_die import Condition, SecondDie
 from hil.instruments.sensors.sensor import Chip, Sensor, SensorDriver
 from hil.instruments.sensors.shared_die import SharedDie
 from hil.model.bench import Wire
@@ -241,7 +241,7 @@ class Icm20948Accelerometer(_FirstDie):
         super().__init__(registers, clock, wire, sampling)
 
 
-class Icm20948Magnetometer(Behind, Field):
+class Icm20948Magnetometer(SecondDie, Field):
     """The chip's magnetometer, an AK09916 with its own registers; each sample is a new one.
 
     The temperature is read from the first die.

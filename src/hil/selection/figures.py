@@ -248,8 +248,8 @@ class _Conditions:
     def of(self, case: str, check: Check) -> dict[str, object]:
         """Return rate and bandwidth of a check, each if it is recorded."""
         named = [told.removeprefix(_RECORDING) for told in check.provenance or () if told.startswith(_RECORDING)]
-        behind = {(case, name.partition(", ")[0], its) for name in named for its in check.instruments}
-        rates = [rate for key in behind for rate in self._rates.get(key, ())]
+        recordings = {(case, name.partition(", ")[0], its) for name in named for its in check.instruments}
+        rates = [rate for key in recordings for rate in self._rates.get(key, ())]
         asked = self._filters.get((case, (check.of or "").rpartition(".")[0]))
         bandwidth = asked.get("value") if isinstance(asked, dict) and asked.get("unit") == "Hz" else None
         return {"rate": min(rates, default=None), "bandwidth": None if bandwidth is None else float(bandwidth)}

@@ -88,7 +88,7 @@ def test_a_run_is_over_once_every_case_has_its_outcome(tmp_path, monkeypatch, pa
     monkeypatch.setitem(HEAD_OF, "planned", PLANNED)
     earlier = find_earlier(folder_of(tmp_path, *parts))
     assert earlier.boundary.over is over
-    assert earlier.begun_behind == (("after-x",) if WATCHED in parts else ())
+    assert earlier.begun_after == (("after-x",) if WATCHED in parts else ())
 
 
 def test_a_killed_run_goes_on_where_it_was(tmp_path):

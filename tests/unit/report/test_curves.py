@@ -14,7 +14,7 @@ from hil.report.drawing.curves import chart_graphics, draw_chart
 from hil.report.drawing.panel import WIDTH, Band, LogScale, width_of
 from hil.report.drawing.recordings import _windows, draw_traces
 from hil.report.material import Trace
-from hil.report.page.as_run import attributed, behind
+from hil.report.page.as_run import attributed, derived_from
 from hil.report.page.grouping import check_groups, headlines
 from hil.report.page.steps import step_rows
 
@@ -262,7 +262,7 @@ def test_a_recording_is_named_once():
         "recording test, current",
         "recording test, voltage",
     ]
-    assert behind(names) == "recording test (voltage, current), series"
+    assert derived_from(names) == "recording test (voltage, current), series"
 
 
 def test_what_low_panels_are_called_does_not_meet():

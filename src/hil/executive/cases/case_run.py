@@ -18,7 +18,7 @@ from hil.executive.cases.effects import Effects
 from hil.executive.cases.escapes import Escapes, OfThisProcess
 from hil.executive.cases.operator import Operator
 from hil.executive.cases.recorder import Recorder
-from hil.executive.cases.recording import behind_channels, data_checks, recorded_as
+from hil.executive.cases.recording import data_checks, provenance_of, recorded_as
 from hil.executive.cases.steps import Steps, writable
 from hil.executive.ending.stop import Stopped
 from hil.executive.setup.head import PlannedCase
@@ -147,9 +147,9 @@ class CaseRun(OfThisProcess):
         for requirement in self.requirements.values():
             if requirement.records is not None and requirement.records.recording in names:
                 named = recorded_as(requirement.records, taken)
-                behind = behind_channels(requirement.records, named)
+                origin = provenance_of(requirement.records, named)
                 for limit, value, reason in data_checks(requirement.records, named):
-                    self.check.data(requirement, limit, value, behind, reason)
+                    self.check.data(requirement, limit, value, origin, reason)
 
     def close(self) -> None:
         """Collect what shows only when nothing of the case is left to run, whatever it suppressed."""

@@ -131,11 +131,11 @@ class Checks(OfThisProcess):
             limit = self._limit(requirement, parameter, of)
             found = given(value, limit, f"{requirement} {parameter}")
             added, named = _of_instrument(instrument, found)
-            behind = merged(getattr(value, "provenance", None), named)
+            origin = merged(getattr(value, "provenance", None), named)
             own = getattr(value, "provenance", None)
             unproven = (*_unproven(own), *getattr(value, "replaced", ()), *self._unreadable(own))
             stands = _Standing(
-                added, behind, unproven, one_line(_text(at, "at")), one_line(_text(headline, "headline"))
+                added, origin, unproven, one_line(_text(at, "at")), one_line(_text(headline, "headline"))
             )
             self._evaluate(requirement, limit, of, found, stands, doubts=_sentences(doubts))
         except (Misused, UnitError) as error:

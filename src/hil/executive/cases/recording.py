@@ -25,10 +25,10 @@ __all__ = [
     "Criterion",
     "Disturbance",
     "Recording",
-    "behind_channels",
     "clipped",
     "data_checks",
     "delayed_before",
+    "provenance_of",
     "recorded_as",
 ]
 
@@ -197,7 +197,7 @@ def recorded_as(records: Records, taken: Sequence[Mapping[str, object]]) -> list
     return [item for item in taken if cast("events.Recording", item["facts"]).name == records.recording]
 
 
-def behind_channels(records: Records, named: Sequence[Mapping[str, object]]) -> Provenance | None:
+def provenance_of(records: Records, named: Sequence[Mapping[str, object]]) -> Provenance | None:
     """Return the provenance of the channels that a requirement asks for, over all recordings of that name."""
     of_each = [cast("Mapping[str, Provenance]", item["provenances"]) for item in named]
     return merged(*(each[channel] for each in of_each for channel in records.channels if channel in each))

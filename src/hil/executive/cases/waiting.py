@@ -83,21 +83,21 @@ class CaseClock(OfThisProcess):
             raise self._misused(f"clock.until cannot wait for {within} s, every {every} s", "give seconds above zero")
         with self._effects.learning() as learnt:
             seen = self._poll(condition, learnt, called_ns, within, every)
-        behind = merged(*learnt) or Provenance()
+        origin = merged(*learnt) or Provenance()
 
         def tell() -> Figure:
             if seen is None:
                 raise NotMet(
-                    ", ".join(behind.instruments) or "clock",
+                    ", ".join(origin.instruments) or "clock",
                     f"clock.until: the condition was not met within {within:g} s; it read "
-                    f"{', '.join(behind.sources) or 'nothing'}",
+                    f"{', '.join(origin.sources) or 'nothing'}",
                     "check what should have happened, how it is measured, and how long it may take",
                 )
             return span((since_ns, called_ns), (since_ns if seen[0] < 0 else seen[0], seen[1]))
 
         arguments = {"within": within, "every": every, "since": since}
         took = self._effects.perform("clock.until", "waits", arguments, tell)
-        return took.with_provenance(behind.through("clock.until"))
+        return took.with_provenance(origin.through("clock.until"))
 
     def _poll(
         self, condition: Callable[[], object], learnt: list[Provenance], start_ns: int, within: float, every: float

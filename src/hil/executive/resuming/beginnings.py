@@ -376,7 +376,7 @@ class Entering:
             void_to=last,
             operations=count_operations(earlier.folder / TRANSCRIPT),
             number=earlier.next_recording,
-            rows=tuple(self._record.store.held(boundary.kept, earlier.begun_behind)),
+            rows=tuple(self._record.store.held(boundary.kept, earlier.begun_after)),
             kept=boundary.kept,
             over=boundary.over,
             failed=earlier.failed,

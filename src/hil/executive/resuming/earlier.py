@@ -137,7 +137,7 @@ class Earlier:
         return max((int(name[:3]) for name in self.state.recordings if name[:3].isdigit()), default=0) + 1
 
     @property
-    def begun_behind(self) -> tuple[str, ...]:
+    def begun_after(self) -> tuple[str, ...]:
         """Recordings outside cases that began after the point of entry: those of the watch after its end."""
         last = self.boundary.sequence if self.boundary else math.inf
         begun = self.state.recordings.values()
@@ -188,9 +188,9 @@ class Earlier:
         last, now = self.last_wall, wall.stamp()
         same = last["boot_id"] == now.boot_id
         passed = now.boot - float(last["boot"]) if same else wall.seconds_since(str(last["utc"]))
-        return max(0.0, passed) * self.run.live.speed + self._behind_s(self.run.live.speed)
+        return max(0.0, passed) * self.run.live.speed + self._lag_s(self.run.live.speed)
 
-    def _behind_s(self, speed: float) -> float:
+    def _lag_s(self, speed: float) -> float:
         """Return how far bench time lagged at the newest event: the duration of a suspend right before it."""
         lags: list[float] = []
         for line in self.lines:

@@ -29,7 +29,7 @@ __all__ = ["Heartbeat", "Monitoring", "heartbeats_of", "monitor_of"]
 _BEATS = 3
 """Heartbeats per timeout of a watchdog: two may be lost."""
 
-_BEHIND_NS = NANOSECONDS // 10
+_LAG_NS = NANOSECONDS // 10
 """More than a monitor's turn delays the samples of a recording, which catch up with it."""
 
 
@@ -154,7 +154,7 @@ class Monitoring:
         is a little late, are taken at once: a wait after them has room.
         """
         now_ns = self._clock.now_ns()
-        if now_ns >= when_ns + _BEHIND_NS:
+        if now_ns >= when_ns + _LAG_NS:
             self.run(now_ns, timeline)
 
     def _take(self, monitor: Monitor, name: str) -> None:

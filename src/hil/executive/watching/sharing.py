@@ -56,7 +56,7 @@ class Pace:
         """The time from the first sample to the last."""
         return _NO_GAP if self.count is None else (self.count - 1) * self.period_ns
 
-    def behind(self, late_ns: int) -> int:
+    def late_samples(self, late_ns: int) -> int:
         """Return how many samples it takes to be on time again after one that is this late."""
         return 0 if late_ns <= 0 else -(-late_ns // self.pause_ns)
 
@@ -66,7 +66,7 @@ class Pace:
         pauses = -(-fitting // self.pause_ns)
         among = 2 * fitting + self.sample_ns if pauses <= 1 else pauses * self.period_ns + fitting
         large = [room for room in rooms_ns if room > self.pause_ns]
-        return among + sum(room + (self.behind(room - self.pause_ns) + 2) * self.period_ns for room in large)
+        return among + sum(room + (self.late_samples(room - self.pause_ns) + 2) * self.period_ns for room in large)
 
 
 def refusal(pace: Pace, monitors: Sequence[Monitor]) -> str:
@@ -212,8 +212,8 @@ class Share:
         late_ns = then_ns - self._start_ns - self._next * self.pace.period_ns
         if self.pace.skips:
             return late_ns + self.pace.sample_ns < self.pace.period_ns
-        behind = self.pace.behind(late_ns)
-        return self.pace.count is None or self._next + behind < self.pace.count
+        late = self.pace.late_samples(late_ns)
+        return self.pace.count is None or self._next + late < self.pace.count
 
 
 class Bus:

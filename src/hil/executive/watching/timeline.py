@@ -26,7 +26,7 @@ __all__ = [
 ]
 
 _BENCH = "bench"
-_BEHIND_NS = 50_000_000
+_LAG_NS = 50_000_000
 """Computation time between a case's calls up to which bench time does not catch up."""
 
 
@@ -224,7 +224,7 @@ class OnLiveBench(OnBench):
     def come(self) -> None:
         """Catch up with the present, if bench time is behind by more than a moment."""
         live = self._live
-        if live.behind_ns() > _BEHIND_NS:
+        if live.lag_ns() > _LAG_NS:
             began_ns, sent = live.now_ns(), str(self._events.course).encode()
             self._bench.transcript.note(_BENCH, CLOCK, began_ns, live.look(), sent=sent)
 

@@ -107,7 +107,7 @@ def _connected(url: str) -> int:
 def keep_alone(descriptor: int) -> None:
     """Let no other program, except root's, open a serial device as long as anybody has it open (TIOCEXCL).
 
-    A pseudo-terminal is left as it is: behind it nothing real is driven.
+    A pseudo-terminal is left as it is: it drives nothing real.
     """
     if os.major(os.fstat(descriptor).st_rdev) not in _PSEUDO_TERMINALS:
         fcntl.ioctl(descriptor, termios.TIOCEXCL)

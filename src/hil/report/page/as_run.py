@@ -26,9 +26,9 @@ from hil.report.page.view import CaseName, CheckRow, RecordingRow
 __all__ = [
     "Placed",
     "attributed",
-    "behind",
     "check_row",
     "checks_of",
+    "derived_from",
     "fed_limits",
     "ids",
     "limit_of",
@@ -114,12 +114,12 @@ def check_row(check: Check, named: CaseName | None = None, attempt: str = "") ->
         verdict=check.verdict,
         reason=check.reason,
         instruments=", ".join(check.instruments),
-        behind=behind(check.provenance or ()),
+        derived_from=derived_from(check.provenance or ()),
         closes_nothing=check.closes_nothing,
     )
 
 
-def behind(names: Iterable[str]) -> str:
+def derived_from(names: Iterable[str]) -> str:
     """Return what a value comes from; a recording once, with its channels in brackets."""
     channels: dict[str, list[str]] = {}
     for name in names:

@@ -9,7 +9,7 @@ from hil.evidence.events import Check
 from hil.model.verdict import Verdict, worst
 from hil.report.drawing.checks import bounds_of, draw_bars, points_of
 from hil.report.numbers import span
-from hil.report.page.as_run import Placed, behind, check_row, ids, limit_of
+from hil.report.page.as_run import Placed, check_row, derived_from, ids, limit_of
 from hil.report.page.view import CaseGroup, CaseName, CaseView, CheckGroup, CheckRow, Headline, RecordingRow
 
 __all__ = ["case_groups", "check_groups", "headlines"]
@@ -156,7 +156,7 @@ def _group(found: Sequence[tuple[Placed, Check]], names: Mapping[str, CaseName])
         decision=rows[0].decision,
         rows=tuple(_own(row, shared) for row in _alike_rows(rows, checks)),
         instruments=", ".join(dict.fromkeys(name for check in checks for name in check.instruments)),
-        behind=behind(name for check in checks for name in check.provenance or ()),
+        derived_from=derived_from(name for check in checks for name in check.provenance or ()),
         closes_nothing=tuple(shared),
         drawn=any(bars),
         listed=_listed(rows, shared),

@@ -104,7 +104,7 @@ class CheckRow:
     verdict: Verdict
     reason: str
     instruments: str
-    behind: str
+    derived_from: str
     closes_nothing: tuple[str, ...]
     at: str = ""
     bar: str = ""
@@ -120,7 +120,7 @@ class CheckGroup:
     decision: str
     rows: tuple[CheckRow, ...]
     instruments: str
-    behind: str
+    derived_from: str
     closes_nothing: tuple[str, ...]
     drawn: bool
     listed: bool

@@ -12,7 +12,7 @@ from hil.instruments.sensors.registers import Registers
 from hil.instruments.sensors.sensor import Chip, Sensor
 from hil.model.errors import NoReply
 
-__all__ = ["Behind", "Condition"]
+__all__ = ["Condition", "SecondDie"]
 
 _T = TypeVar("_T")
 
@@ -33,7 +33,7 @@ class Condition:
     bits: int = 0xFF
 
 
-class Behind(Sensor):
+class SecondDie(Sensor):
     """A sensor behind its chip's first die; the chip's class defines `_switch_off` and reads by `_transfer_through`.
 
     Attributes:
