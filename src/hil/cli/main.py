@@ -102,7 +102,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     given = tuple(sys.argv[1:] if arguments is None else arguments)
     if word is None:
         with shown_safely() as edge:
-            code = _code(Invocation(given, None))
+            code = _code(Invocation(given, None, alone=arguments is None))
             if error := edge.finish():
                 untold = _of_output(error)
                 code = untold if code in {0, _UNTOLD} else code  # the state of a bench outweighs a lost reader
@@ -141,7 +141,8 @@ def _code(invocation: Invocation) -> int:
     except Exception as error:  # noqa: BLE001 - a bug of ours: whoever fixes it needs the traceback
         code = _of_file(error) if isinstance(error, OSError) and error.filename is not None else _internal()
     finally:
-        if silent and invocation.word is None:  # all is said: Ctrl-C ends what is left without a traceback
+        over = signal.getsignal(signal.SIGINT) is signal.SIG_IGN  # see `supervise`
+        if silent and not over and invocation.word is None:  # all is said: Ctrl-C ends what is left without a traceback
             signal.signal(signal.SIGINT, signal.SIG_DFL)
     return code
 

@@ -7,8 +7,8 @@ import os
 import signal
 import stat
 import sys
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
@@ -45,6 +45,7 @@ class Word:
         self._descriptor = descriptor
         self._onlooker = onlooker
         self._process = os.getpid()
+        self._interrupt = _Interrupt()
         self.folder: Path | None = None
 
     @classmethod
@@ -66,12 +67,20 @@ class Word:
 
     def listen(self) -> None:
         """Let signals through, as KeyboardInterrupt until the run has handlers of its own."""
-        interrupt = _Interrupt()
-        sys.unraisablehook = interrupt.lost
+        sys.unraisablehook = self._interrupt.lost
         for number in _ASKS:
             if number == signal.SIGINT or signal.getsignal(number) is not signal.SIG_IGN:
-                signal.signal(number, interrupt)
+                signal.signal(number, self._interrupt)
         signal.pthread_sigmask(signal.SIG_UNBLOCK, _ASKS)
+
+    @contextmanager
+    def undisturbed(self) -> Iterator[None]:
+        """Ignore requests to end while a run is sealed and verified, also once its own handlers are gone."""
+        self._interrupt.heeds = False
+        try:
+            yield
+        finally:
+            self._interrupt.heeds = True
 
     def begun(self, folder: Path) -> None:
         """Report the run's folder."""
@@ -115,18 +124,22 @@ class Invocation:
     Attributes:
         arguments: the command line after `hil`.
         word: what it tells its supervisor, None where nobody waits for it.
+        alone: whether this process ends with the command.
     """
 
     arguments: tuple[str, ...]
     word: Word | None
+    alone: bool = False
 
 
-def supervise(arguments: Sequence[str], environment: Mapping[str, str]) -> int:
-    """Run `hil` with these arguments in a process of its own and return its exit code once it gave its word.
+def supervise(invocation: Invocation, environment: Mapping[str, str]) -> int:
+    """Run the command in a process of its own and return its exit code once it gave its word.
+
+    From then on a process that ends with the command ignores requests to end: the code may be that of a sealed package.
 
     Args:
-        arguments: the command line after `hil`.
-        environment: the environment of that process.
+        invocation: how this process was called.
+        environment: the environment of the other one.
     """
     reader, writer = os.pipe()
     stamps = _stamps()
@@ -139,7 +152,7 @@ def supervise(arguments: Sequence[str], environment: Mapping[str, str]) -> int:
         # -P: modules that happen to lie in the present folder do not take part, as for the `hil` script.
         child = os.posix_spawn(
             sys.executable,
-            [sys.executable, "-P", "-m", "hil.cli", *arguments],
+            [sys.executable, "-P", "-m", "hil.cli", *invocation.arguments],
             {**environment, _VARIABLE: f"{os.getpid()} {writer} {stamps}"},
             setsigmask=_ASKS,
             setsigdef=awaited,
@@ -148,7 +161,10 @@ def supervise(arguments: Sequence[str], environment: Mapping[str, str]) -> int:
         if (onlooker := _onlooker()) is not None:  # only the process that runs reports it
             os.close(onlooker)
         status = _wait(child, {*awaited, signal.SIGCHLD}, stamps)
-        return _believed(status, _heard(reader))
+        code = _believed(status, _heard(reader))
+        for number in awaited if invocation.alone else ():
+            signal.signal(number, signal.SIG_IGN)
+        return code
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
         os.close(reader)
@@ -226,7 +242,7 @@ def _believed(status: int, words: Mapping[str, tuple[int, str]]) -> int:
     """Return the exit code that the reports prove; without them the process did not end properly."""
     how = _manner(os.waitstatus_to_exitcode(status))
     if "ended" in words:
-        code = words["ended"][0]
+        code = words.get("sealed", words["ended"])[0]
         if code == _INTERNAL and "begun" in words and "sealed" not in words:  # it has printed itself what went wrong
             return _died(Path(words["begun"][1]), how, lambda _: None)
         return code
@@ -294,10 +310,11 @@ class _Interrupt:
 
     def __init__(self) -> None:
         self._asked = False
+        self.heeds = True
 
     def __call__(self, number: int, _frame: FrameType | None) -> None:
         """Be the handler of a signal."""
-        if not self._asked or number == signal.SIGALRM:
+        if self.heeds and (not self._asked or number == signal.SIGALRM):
             self._asked = True
             raise KeyboardInterrupt
 

@@ -7,7 +7,7 @@ import os
 import shutil
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -62,6 +62,10 @@ class Word(Protocol):
         """Report that the package is sealed, and the exit code."""
         ...
 
+    def undisturbed(self) -> AbstractContextManager[None]:
+        """Ignore requests to end that the run does not handle itself."""
+        ...
+
     def expect(self, seconds: float | None) -> None:
         """Start a timeout after which the process is to be ended; None cancels it."""
         ...
@@ -79,6 +83,10 @@ class _Unheard:
 
     def sealed(self, code: int) -> None:
         """Say nothing."""
+
+    def undisturbed(self) -> AbstractContextManager[None]:
+        """Leave signals as they are."""
+        return nullcontext()
 
     def expect(self, seconds: float | None) -> None:
         """Expect nothing."""
@@ -296,14 +304,30 @@ def _close(session: Session, notifier: Notifier | None, pytest_code: int, out: T
     if code == 0 and session.configuration.request.strict and _leaves_uncovered(session.folder):
         code = _FAILED
     if session.left_open:
-        return _leave_open(session, notifier, code, out)
+        return _leave_open(session, notifier, code, out, word)
     if notifier is not None:
         notifier.finish(code)
+    with word.undisturbed():
+        digest, code = _seal(session, code)
+        if digest:
+            word.sealed(code)
+    if digest:
+        if problem := copy_junit(session.folder, session.configuration.request.junit):
+            _complain(f"hil: {problem}")
+        try:
+            _report(session, digest, out)
+        except (OSError, ValueError, KeyboardInterrupt, MemoryError):
+            _complain(f"hil: standard output could not be written; the package is {session.folder}")
+    return code
+
+
+def _seal(session: Session, code: int) -> tuple[str, int]:
+    """Seal the package and verify it; return its evidence digest, empty if it is not sealed, and the exit code."""
     try:
         digest = session.seal(code, write_reports)
     except EvidenceError as error:
         _complain(f"hil: {error.message}", f"     {error.hint}")
-        return max(code, _INTERNAL)
+        return "", max(code, _INTERNAL)
     except Exception:
         state = "sealed, but not every report was written" if is_sealed(session.folder) else "not sealed"
         _complain(f"hil: the run is {state}: {session.folder}")
@@ -311,14 +335,7 @@ def _close(session: Session, notifier: Notifier | None, pytest_code: int, out: T
     if code == 0 and (findings := _verified(session.folder, digest)):
         _complain(*findings)
         code = _INTERNAL
-    word.sealed(code)
-    if problem := copy_junit(session.folder, session.configuration.request.junit):
-        _complain(f"hil: {problem}")
-    try:
-        _report(session, digest, out)
-    except (OSError, ValueError, KeyboardInterrupt, MemoryError):
-        _complain(f"hil: standard output could not be written; the package is {session.folder}")
-    return code
+    return digest, code
 
 
 def _leaves_uncovered(folder: Path) -> bool:
@@ -329,7 +346,7 @@ def _leaves_uncovered(folder: Path) -> bool:
     return bool(uncovered(results_of(folder, read_journal(folder / JOURNAL))))
 
 
-def _leave_open(session: Session, notifier: Notifier | None, code: int, out: TextIO) -> int:
+def _leave_open(session: Session, notifier: Notifier | None, code: int, out: TextIO, word: Word) -> int:
     """Leave a run that was stopped to be resumed unsealed, report how to resume it, and return the exit code."""
     lost = session.keeper.scheduler.lost
     if lost and lost.reason == session.flags.reason:
@@ -338,10 +355,11 @@ def _leave_open(session: Session, notifier: Notifier | None, code: int, out: Tex
         lines = left_open_lines(session.folder, session.flags.reason)
     if notifier is not None:
         notifier.finish(code, "; ".join(lines))
-    session.leave_open()
-    with suppress(OSError, ValueError):
-        out.writelines(["\n", *(f"{line}\n" for line in (*lines, _shown(session.folder)))])
-        out.flush()
+    with word.undisturbed():
+        session.leave_open()
+        with suppress(OSError, ValueError):
+            out.writelines(["\n", *(f"{line}\n" for line in (*lines, _shown(session.folder)))])
+            out.flush()
     return code
 
 

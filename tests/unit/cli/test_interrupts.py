@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+import io
 import os
 import signal
 
 import pytest
+from workspaces import make
 
 from hil.cli.supervision import Word
+from hil.evidence.package.verification import verify
+from hil.plugin import running
 
+GOOD = """
+@pytest.mark.requirement("T-010")
+def test_ratio(check):
+    check("T-010", "ratio", 1.0)
+"""
 ASKS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
@@ -31,3 +40,34 @@ def test_the_first_interrupts_and_no_other_disturbs_the_ending(number):
         os.kill(os.getpid(), number)
     for again in ASKS:
         os.kill(os.getpid(), again)
+
+
+@pytest.mark.usefixtures("handlers")
+def test_none_disturbs_a_run_that_is_being_sealed():
+    """Afterwards its report may wait for a reader, and Ctrl-C ends that."""
+    word = Word(-1)
+    word.listen()
+    with word.undisturbed():
+        for number in ASKS:
+            os.kill(os.getpid(), number)
+    with pytest.raises(KeyboardInterrupt):
+        os.kill(os.getpid(), signal.SIGINT)
+
+
+@pytest.mark.usefixtures("handlers")
+def test_a_sealed_run_is_verified_to_its_end(tmp_path, monkeypatch):
+    """Its own handlers are gone by then, and the exit code in its package is 0."""
+    workspace = make(tmp_path / "workspace", GOOD)
+    findings = running._findings
+
+    def asked(*package):
+        for number in ASKS:
+            os.kill(os.getpid(), number)
+        return findings(*package)
+
+    monkeypatch.setattr(running, "_findings", asked)
+    word = Word(-1)
+    word.listen()
+    assert running.run(workspace.request(), io.StringIO(), word=word) == 0
+    (folder,) = workspace.folders()
+    assert verify(folder).findings == ()

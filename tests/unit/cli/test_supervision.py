@@ -38,6 +38,37 @@ def test_nothing_is_added_behind_a_run_that_ended_by_itself(monkeypatch):
     assert shown.getvalue() == ""
 
 
+def test_the_exit_code_of_a_sealed_run_stands(monkeypatch):
+    """Whatever ends its process afterwards, such as Ctrl-C while it leaves."""
+    monkeypatch.setattr(sys, "stdout", io.StringIO())
+    assert supervision._believed(0, {"begun": (0, "run"), "sealed": (1, "run"), "ended": (130, "run")}) == 1
+
+
+OVER = """
+import atexit, signal
+from hil.cli import entry, main, supervision
+
+heard = supervision._heard
+
+def after(reader):
+    signal.raise_signal(signal.{name})
+    return heard(reader)
+
+supervision._heard = after
+atexit.register(signal.raise_signal, signal.{name})
+entry.main()
+"""
+
+
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
+def test_a_request_to_end_changes_nothing_once_the_run_is_over(tmp_path, name):
+    """Its package may be sealed with this exit code, and an audit compares them."""
+    program = [sys.executable, "-c", OVER.format(name=name), "run", "--bench", "b", "--dut", "d", "p.py"]
+    done = subprocess.run(program, cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stdout) == (4, "")
+    assert done.stderr.startswith("hil: ")
+
+
 LOST = """
 import os, signal, sys, time, weakref
 from hil.cli.supervision import Word

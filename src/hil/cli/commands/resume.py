@@ -55,7 +55,7 @@ def command(
     if invocation.word is None:
         from hil.executive.setup.pins import pinned_environment  # noqa: PLC0415 - the process that waits stays light
 
-        return supervise(invocation.arguments, pinned_environment())
+        return supervise(invocation, pinned_environment())
     from hil.executive.resuming.preconditions import resumed_request  # noqa: PLC0415 - after the pins
     from hil.plugin.running import resume  # noqa: PLC0415 - after the pins
 

@@ -171,7 +171,7 @@ def _in_another_process(invocation: Invocation, output: Path | None, *, detach: 
         return start(invocation.arguments, output.resolve() if output else reports_folder())
     from hil.executive.setup.pins import pinned_environment  # noqa: PLC0415 - not where a run is let go
 
-    return supervise(invocation.arguments, pinned_environment())
+    return supervise(invocation, pinned_environment())
 
 
 def _require_text(**options: str) -> None:
