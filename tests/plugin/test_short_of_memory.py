@@ -65,7 +65,7 @@ def test_a_report_without_memory_is_written_later(tmp_path, monkeypatch, capfd):
     """The package is sealed all the same, and it is told how the report comes about."""
     workspace = make(tmp_path / "workspace", CASE)
     with monkeypatch.context() as short:
-        short.setattr("hil.plugin.running.write_reports", without_memory)
+        short.setattr("hil.plugin.closing.write_reports", without_memory)
         code, folder = ended(workspace)
     said = capfd.readouterr().err
     assert code == 3
@@ -77,7 +77,7 @@ def test_a_report_without_memory_is_written_later(tmp_path, monkeypatch, capfd):
 def test_a_package_that_cannot_be_looked_at_is_no_pass(tmp_path, monkeypatch, capfd):
     """Exit code 0 says that it was looked at once more."""
     workspace = make(tmp_path / "workspace", CASE)
-    monkeypatch.setattr("hil.plugin.running._findings", without_memory)
+    monkeypatch.setattr("hil.plugin.closing._findings", without_memory)
     code, folder = ended(workspace)
     assert code == 3
     assert "was not verified" in capfd.readouterr().err

@@ -1,11 +1,9 @@
-"""One run, from the request to the sealed package and the closing report."""
+"""One run, from the request to its end."""
 
 from __future__ import annotations
 
 import gc
 import os
-import shutil
-import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from dataclasses import replace
@@ -13,7 +11,6 @@ from functools import partial
 from pathlib import Path
 from typing import NoReturn, Protocol, TextIO
 
-from hil.evidence.folder import JOURNAL, RESULTS, is_sealed
 from hil.executive.ending.acknowledging import require_acknowledged
 from hil.executive.people.notifying import Notifier
 from hil.executive.people.on_call import OnCall, People, require_unattended
@@ -26,16 +23,13 @@ from hil.executive.setup import auditing
 from hil.executive.setup.configuration import Configuration, Request, configure
 from hil.executive.setup.head import PlannedCase
 from hil.executive.setup.workspace import Workspace
-from hil.model.errors import Diverged, EvidenceError, Refused
+from hil.model.errors import Diverged, Refused
+from hil.plugin import closing
+from hil.plugin.closing import close, complain
 from hil.plugin.launch import launch
-from hil.plugin.left_open import left_open_lines, lost_lines
 from hil.plugin.opening import open_new, open_resumed
 from hil.plugin.terminal.answering import answers_of
 from hil.plugin.terminal.progress import Progress
-from hil.report.sentences import uncovered
-from hil.report.summary import closing_lines
-from hil.report.tables import fitting
-from hil.report.write import copy_junit, write_reports
 
 __all__ = ["Word", "resume", "run"]
 
@@ -48,22 +42,13 @@ _WITHOUT = {
 
 _FAILED, _INTERNAL = 1, 3
 _COLLECTED = 20_000, 20, 50  # allocations, and collections of the younger generations, between collections
-_SMALL = 1_000_000  # bytes of a journal from which everything is derived again in less than half a second
 
 
-class Word(Protocol):
+class Word(closing.Word, Protocol):
     """What is reported to a process that waits for the run's end."""
 
     def begun(self, folder: Path) -> None:
         """Report where the run writes."""
-        ...
-
-    def sealed(self, code: int) -> None:
-        """Report that the package is sealed, and the exit code."""
-        ...
-
-    def undisturbed(self) -> AbstractContextManager[None]:
-        """Ignore requests to end that the run does not handle itself."""
         ...
 
     def expect(self, seconds: float | None) -> None:
@@ -208,7 +193,7 @@ class _RunProcess:
         progress.follow(session.folder, session.bench.clock.now)
         notifier.attach(session.folder.name, session.keeper.journal)
         self._session, self._notifier = session, notifier
-        _complain(*(f"hil: {text}" for text in configuration.inputs.sleeps))
+        complain(*(f"hil: {text}" for text in configuration.inputs.sleeps))
         _attend(session, notifier)
         self._word.begun(session.folder)
         return session
@@ -220,14 +205,14 @@ class _RunProcess:
         if self._session.flags.reason:
             self.stopped_early()  # on the way to the safe state it leaves its record
         problem = f"hil: {self._session.folder.name} cannot be resumed: {error.first}"
-        _complain(problem, "     it is unchanged; seal it with hil seal")
+        complain(problem, "     it is unchanged; seal it with hil seal")
         self._word.leave(_INTERNAL)
 
     def stopped_early(self) -> None:
         """End the process of a resumed run that was told to stop before it had retraced its past."""
         if self._session is not None:
             problem = f"hil: {self._session.folder.name} was stopped before it resumed"
-            _complain(problem, f"     its record is unchanged; how to go on: hil status {self._session.folder.name}")
+            complain(problem, f"     its record is unchanged; how to go on: hil status {self._session.folder.name}")
             self._word.leave(EXIT_INTERRUPTED)
 
     def expect(self, seconds: float | None) -> None:
@@ -242,7 +227,7 @@ class _RunProcess:
         """Seal, report, and return the exit code; what cannot be reported changes nothing."""
         if self._session is None:
             return _nothing(self._out, pytest_code)
-        return _close(self._session, self._notifier, pytest_code, self._out, self._word)
+        return close(self._session, self._notifier, pytest_code, self._out, self._word)
 
 
 def _attend(session: Session, notifier: Notifier) -> None:
@@ -278,7 +263,7 @@ def _keep_registers(its: Workspace, reports: Path) -> None:
     from hil.audit.reading import keep_present  # noqa: PLC0415 - only where a bench is driven
 
     if problem := keep_present(its.root, its.testplans, its.fixtures, reports):
-        _complain(f"hil: the ledger does not have the present catalogue and registers: {problem}")
+        complain(f"hil: the ledger does not have the present catalogue and registers: {problem}")
 
 
 def _on_call(session: Session, notifier: Notifier) -> OnCall | None:
@@ -296,111 +281,3 @@ def _nothing(out: TextIO, code: int) -> int:
     with suppress(OSError, ValueError):
         print(_WITHOUT.get(code, "nothing was run"), file=out, flush=True)
     return code
-
-
-def _close(session: Session, notifier: Notifier | None, pytest_code: int, out: TextIO, word: Word) -> int:
-    """Seal, report, and return the exit code; what cannot be reported changes nothing."""
-    code = session.exit_code(pytest_code)
-    if code == 0 and session.configuration.request.strict and _leaves_uncovered(session.folder):
-        code = _FAILED
-    if session.left_open:
-        return _leave_open(session, notifier, code, out, word)
-    if notifier is not None:
-        notifier.finish(code)
-    with word.undisturbed():
-        digest, code = _seal(session, code)
-        if digest:
-            word.sealed(code)
-    if digest:
-        if problem := copy_junit(session.folder, session.configuration.request.junit):
-            _complain(f"hil: {problem}")
-        try:
-            _report(session, digest, out)
-        except (OSError, ValueError, KeyboardInterrupt, MemoryError):
-            _complain(f"hil: standard output could not be written; the package is {session.folder}")
-    return code
-
-
-def _seal(session: Session, code: int) -> tuple[str, int]:
-    """Seal the package and verify it; return its evidence digest, empty if it is not sealed, and the exit code."""
-    try:
-        digest = session.seal(code, write_reports)
-    except EvidenceError as error:
-        _complain(f"hil: {error.message}", f"     {error.hint}")
-        return "", max(code, _INTERNAL)
-    except Exception:
-        state = "sealed, but not every report was written" if is_sealed(session.folder) else "not sealed"
-        _complain(f"hil: the run is {state}: {session.folder}")
-        raise
-    if code == 0 and (findings := _verified(session.folder, digest)):
-        _complain(*findings)
-        code = _INTERNAL
-    return digest, code
-
-
-def _leaves_uncovered(folder: Path) -> bool:
-    """Return whether a run about to be sealed leaves a requirement of its plans uncovered."""
-    from hil.evidence.journal.reader import read_journal  # noqa: PLC0415 - only where it is asked for
-    from hil.evidence.results.derived import results_of  # noqa: PLC0415 - only where it is asked for
-
-    return bool(uncovered(results_of(folder, read_journal(folder / JOURNAL))))
-
-
-def _leave_open(session: Session, notifier: Notifier | None, code: int, out: TextIO, word: Word) -> int:
-    """Leave a run that was stopped to be resumed unsealed, report how to resume it, and return the exit code."""
-    lost = session.keeper.scheduler.lost
-    if lost and lost.reason == session.flags.reason:
-        lines = lost_lines(session.folder, lost.reason, unsafe=session.keeper.unsafe)
-    else:
-        lines = left_open_lines(session.folder, session.flags.reason)
-    if notifier is not None:
-        notifier.finish(code, "; ".join(lines))
-    with word.undisturbed():
-        session.leave_open()
-        with suppress(OSError, ValueError):
-            out.writelines(["\n", *(f"{line}\n" for line in (*lines, _shown(session.folder)))])
-            out.flush()
-    return code
-
-
-def _verified(folder: Path, digest: str) -> tuple[str, ...]:
-    """Verify the sealed package, and return why its run does not pass, empty if it does."""
-    try:
-        findings = _findings(folder, digest)
-    except MemoryError:
-        return ("hil: out of memory: the package is sealed but was not verified, so the run does not pass",)
-    return (*findings, "hil: the package does not verify, so the run does not pass") if findings else ()
-
-
-def _findings(folder: Path, digest: str) -> tuple[str, ...]:
-    """Return what is wrong with a package just sealed: a full check of a small one, otherwise only its bytes."""
-    from hil.evidence.package.bag import digest_of_manifest, hash_payload, manifest_text  # noqa: PLC0415 - heavy
-    from hil.evidence.package.verification import verify  # noqa: PLC0415 - heavy
-
-    if (folder / JOURNAL).stat().st_size <= _SMALL:
-        return tuple(str(finding) for finding in verify(folder).findings)
-    intact = digest_of_manifest(manifest_text(hash_payload(folder))) == digest
-    return () if intact else ("data: the files are not those that were sealed",)
-
-
-def _report(session: Session, digest: str, out: TextIO) -> None:
-    from hil.evidence.results.outcome import read_outcome  # noqa: PLC0415 - not before the run
-
-    lines = closing_lines(read_outcome((session.folder / RESULTS).read_bytes()))
-    columns = shutil.get_terminal_size().columns if out.isatty() else 0
-    out.writelines(f"{line}\n" for line in ("", *fitting(lines, columns)))
-    package = _shown(session.folder)
-    out.write(f"\nevidence digest {digest}\nreport  {package}/data/report/report.html\n{package}\n")
-    out.flush()
-
-
-def _complain(*lines: str) -> None:
-    with suppress(OSError, ValueError, AttributeError):
-        sys.stderr.writelines(f"{line}\n" for line in lines)
-        sys.stderr.flush()
-
-
-def _shown(path: Path) -> str:
-    with suppress(OSError, ValueError):  # the folder that the run was started in was removed, or does not contain it
-        return str(path.relative_to(Path.cwd()))
-    return str(path)

@@ -11,7 +11,7 @@ from workspaces import make
 
 from hil.cli.supervision import Word
 from hil.evidence.package.verification import verify
-from hil.plugin import running
+from hil.plugin import closing, running
 
 GOOD = """
 @pytest.mark.requirement("T-010")
@@ -58,14 +58,14 @@ def test_none_disturbs_a_run_that_is_being_sealed():
 def test_a_sealed_run_is_verified_to_its_end(tmp_path, monkeypatch):
     """Its own handlers are gone by then, and the exit code in its package is 0."""
     workspace = make(tmp_path / "workspace", GOOD)
-    findings = running._findings
+    findings = closing._findings
 
     def asked(*package):
         for number in ASKS:
             os.kill(os.getpid(), number)
         return findings(*package)
 
-    monkeypatch.setattr(running, "_findings", asked)
+    monkeypatch.setattr(closing, "_findings", asked)
     word = Word(-1)
     word.listen()
     assert running.run(workspace.request(), io.StringIO(), word=word) == 0
