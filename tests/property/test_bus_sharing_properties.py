@@ -8,7 +8,7 @@ from pathlib import Path
 
 import sweeps
 from case_parts import Case, limit
-from hypothesis import given, note, settings
+from hypothesis import example, given, note, settings
 from hypothesis import strategies as st
 
 from hil.model.errors import Misused
@@ -27,9 +27,10 @@ LIMITS = st.lists(
 
 
 def recorded(folder, period_s, share, limits, count, gap_s, before_s):
-    """Record three samples, to know how long one takes, then as required; return verdicts, and the refusal if any."""
+    """Time samples and readings three times, as arming does, then record; return verdicts, and the refusal if any."""
+    duration_s = round(count * period_s, 9)  # as it is written in a catalogue
     asked = Records(
-        recording="field", channels=("x", "y"), rate_hz=1 / period_s, duration_s=count * period_s, max_gap_s=gap_s
+        recording="field", channels=("x", "y"), rate_hz=1 / period_s, duration_s=duration_s, max_gap_s=gap_s
     )
     watched = [
         (limit(f"limit-{number}", period=period, max_age=ages * period), takes)
@@ -37,11 +38,13 @@ def recorded(folder, period_s, share, limits, count, gap_s, before_s):
     ]
     requirement = Requirement(id="T-1", rev=1, text="Record.", kind=Kind.RECORD, records=asked)
     case = Case(folder, asked=(requirement,), watched=watched, sample_s=share * period_s)
-    case.scheduler.sleep(1.0)
-    case.run.record("before", case.field, duration=3 * period_s, rate=1 / period_s)
-    case.scheduler.sleep(before_s)
+    for _ in range(3):
+        case.scheduler.monitoring.bus.sampled(case.field.wire.name, round(share * period_s * 1e9))
+        for each, (_, _, takes) in zip(case.scheduler.monitoring.all, limits, strict=True):
+            each.lasted(round(takes * 1e9))
+    case.scheduler.sleep(1.0 + before_s)
     try:
-        case.run.record("field", case.field, duration=count * period_s, rate=1 / period_s)
+        case.run.record("field", case.field, duration=duration_s, rate=1 / period_s)
     except Misused as refused:
         return {}, str(refused)
     case.run.finish()
@@ -57,6 +60,12 @@ def recorded(folder, period_s, share, limits, count, gap_s, before_s):
     st.floats(1.5, 8.0),
     st.floats(0.0, 6.0),
 )
+@example(0.1, 0.875, [(0.5, 10.0, 0.07), (5.0, 2.0, 0.03)], 229, 3.26, 0.0)  # delays add up to the end
+@example(0.02, 0.875, [(1.0, 10.0, 0.07), (0.5, 2.5, 0.004)], 267, 6.44, 0.0)  # room kept for what is not needed
+@example(
+    0.02, 0.875, [(5.0, 4.0, 0.001), (5.0, 2.5, 0.12), (0.5, 2.0, 0.004)], 304, 2.01, 0.55
+)  # read too often before
+@example(0.1, 0.875, [(2.0, 10.0, 0.12), (0.5, 2.0, 0.001)], 125, 3.81, 2.48)  # late samples leave no wait
 def test_rate_gap_and_ages_hold_or_the_recording_is_refused(period_s, share, limits, count, gaps, before_s):
     """Whatever has to be read meanwhile, and however long that takes; a trip by age would raise."""
     gap_s = gaps * period_s

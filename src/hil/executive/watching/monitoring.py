@@ -138,23 +138,25 @@ class Monitoring:
         Returns:
             the other limits.
         """
-        monitors = self.beside(fed)
-        for _ in monitors:  # the time of one reading may leave no room for another, which then also goes before
-            ahead = _Ahead(pace, monitors)
-            for monitor in timeline.due(monitors, self._clock.now_ns(), OVERDUE, ahead):
+        monitors = waiting = self.beside(fed)
+        while waiting:  # the time of one reading may leave no room for another, which then also goes before
+            ahead, read = _Ahead(pace, monitors), []
+            for monitor in timeline.due(waiting, self._clock.now_ns(), OVERDUE, ahead):
                 self._take(monitor, OVERDUE)
+                read.append(monitor)
             if not ahead.admitted:
                 break
+            waiting = [each for each in waiting if each not in read]
         return monitors
 
     def run_late(self, when_ns: int, timeline: Timeline) -> None:
         """Run those that are overdue if a wait until `when_ns` would begin long after its end.
 
-        Samples that fall ever further behind leave no wait for a monitor's turn. The first of a recording, and one that
-        is a little late, are taken at once: a wait after them has room.
+        Samples that are late leave no wait for a monitor's turn; the share of their recording knows which is admitted.
+        The first one is taken at once, and a case that is a little late goes on: a wait after them has room.
         """
         now_ns = self._clock.now_ns()
-        if now_ns >= when_ns + _LAG_NS:
+        if now_ns >= when_ns + _LAG_NS or (self.bus.shares and now_ns > when_ns):
             self.run(now_ns, timeline)
 
     def _take(self, monitor: Monitor, name: str) -> None:

@@ -153,7 +153,8 @@ class Share:
     """Share of the bus that a recording in progress leaves to the monitors.
 
     A reading that fits between two samples is taken there. A longer one is taken where the gap stays short enough and
-    the samples are on time again before the last one; the maximum age takes precedence over all of that.
+    the samples are on time again before the last one, and does not begin while they are late, unless its value is about
+    to be too old; the maximum age takes precedence over all of that.
 
     Args:
         pace: its sampling pace.
@@ -173,8 +174,9 @@ class Share:
 
     @property
     def lead_ns(self) -> int:
-        """How much earlier than necessary readings are taken, so that all of them fit."""
-        return self.pace.busy_ns([each.room_ns for each in self._monitors]) if self.pace.pause_ns > 0 else 0
+        """How much earlier than necessary readings are taken, so that all that are needed before the end fit."""
+        needed = [each.room_ns for each in self._monitors if each.latest_ns < self._end_ns]
+        return self.pace.busy_ns(needed) if self.pace.pause_ns > 0 else 0
 
     def restart(self, start_ns: int) -> None:
         """Restart the count with a first sample due at this instant."""
@@ -209,11 +211,14 @@ class Share:
         then_ns = now_ns + monitor.room_ns
         if self.pace.gap_ns is not None and then_ns + self.pace.sample_ns - self._last_ns > self.pace.gap_ns:
             return False
-        late_ns = then_ns - self._start_ns - self._next * self.pace.period_ns
+        next_ns = self._start_ns + self._next * self.pace.period_ns
+        late_ns = then_ns - next_ns
         if self.pace.skips:
             return late_ns + self.pace.sample_ns < self.pace.period_ns
         late = self.pace.late_samples(late_ns)
-        return self.pace.count is None or self._next + late < self.pace.count
+        back_in_time = self.pace.count is None or self._next + late < self.pace.count
+        # If delays added up, no reading might fit before the end, where every age comes due.
+        return back_in_time and (now_ns <= next_ns or now_ns >= monitor.latest_ns - self.lead_ns)
 
 
 class Bus:
