@@ -65,6 +65,14 @@ def recorded(folder, period_s, share, limits, count, gap_s, before_s):
 @example(
     0.02, 0.875, [(5.0, 4.0, 0.001), (5.0, 2.5, 0.12), (0.5, 2.0, 0.004)], 304, 2.01, 0.55
 )  # read too often before
+@example(  # one that can wait takes the room
+    0.025,
+    0.8652277364233034,
+    [(5.0, 4.0, 0.07), (5.0, 10.0, 0.004), (2.0, 2.5, 0.07), (5.0, 2.5, 0.01)],
+    398,
+    6.03,
+    0.0,
+)
 @example(0.1, 0.875, [(2.0, 10.0, 0.12), (0.5, 2.0, 0.001)], 125, 3.81, 2.48)  # late samples leave no wait
 def test_rate_gap_and_ages_hold_or_the_recording_is_refused(period_s, share, limits, count, gaps, before_s):
     """Whatever has to be read meanwhile, and however long that takes; a trip by age would raise."""

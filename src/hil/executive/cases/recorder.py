@@ -263,7 +263,7 @@ class Recorder(OfThisProcess):
             index = done
             while index < count or (index == count and self._demanded.is_short(facts, recording.rows.covers_s())):
                 due_ns = start_ns + round(index * NANOSECONDS / facts.rate)
-                scheduler.wait_until(due_ns)
+                scheduler.wait_for_sample(due_ns)
                 began_ns = scheduler.now_ns()
                 row = [number for source in sources for number in source.sample()]
                 now_ns = scheduler.now_ns()

@@ -152,11 +152,11 @@ class Monitoring:
     def run_late(self, when_ns: int, timeline: Timeline) -> None:
         """Run those that are overdue if a wait until `when_ns` would begin long after its end.
 
-        Samples that are late leave no wait for a monitor's turn; the share of their recording knows which is admitted.
-        The first one is taken at once, and a case that is a little late goes on: a wait after them has room.
+        A case whose waits fall ever further behind leaves none for a monitor's turn. One that is a little late goes on
+        at once: a wait after this one has room.
         """
         now_ns = self._clock.now_ns()
-        if now_ns >= when_ns + _LAG_NS or (self.bus.shares and now_ns > when_ns):
+        if now_ns >= when_ns + _LAG_NS:
             self.run(now_ns, timeline)
 
     def _take(self, monitor: Monitor, name: str) -> None:

@@ -161,6 +161,16 @@ class Scheduler:
         if not self._take_turns(when_ns, done) and not self._pass(when_ns):
             self.monitoring.run_late(when_ns, self.timeline)
 
+    def wait_for_sample(self, due_ns: int) -> None:
+        """Let bench time pass until a sample of a recording is due.
+
+        Late samples leave no wait for a monitor's turn: the share of their recording knows which is admitted. A case
+        writes events between its waits, and a replay could take a reading on the other side of one.
+        """
+        self._look()
+        if not self._take_turns(due_ns, None) and not self._pass(due_ns) and self.clock.now_ns() > due_ns:
+            self.monitoring.run(self.clock.now_ns(), self.timeline)
+
     def begin_beside(self, beside: Beside) -> None:
         """Start something that takes turns beside the case."""
         self._beside.append(beside)

@@ -206,7 +206,7 @@ class Share:
         if monitor.doubtful and now_ns >= monitor.due_ns:
             return True
         soon = monitor.latest_ns < self._end_ns and now_ns >= min(monitor.due_ns, monitor.latest_ns - self.lead_ns)
-        if not (soon or now_ns >= monitor.overdue_ns):
+        if not (soon or now_ns >= monitor.overdue_ns) or self._gives_way(monitor, now_ns):
             return False
         then_ns = now_ns + monitor.room_ns
         if self.pace.gap_ns is not None and then_ns + self.pace.sample_ns - self._last_ns > self.pace.gap_ns:
@@ -219,6 +219,11 @@ class Share:
         back_in_time = self.pace.count is None or self._next + late < self.pace.count
         # If delays added up, no reading might fit before the end, where every age comes due.
         return back_in_time and (now_ns <= next_ns or now_ns >= monitor.latest_ns - self.lead_ns)
+
+    def _gives_way(self, monitor: Monitor, now_ns: int) -> bool:
+        """Return whether another limit is due as well, whose value becomes too old before the end, and sooner."""
+        by_ns = min(monitor.latest_ns, self._end_ns)
+        return any(each.latest_ns < by_ns and each.due_ns <= now_ns for each in self._monitors)
 
 
 class Bus:
