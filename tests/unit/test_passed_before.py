@@ -44,8 +44,8 @@ _ROOT = Path(__file__).parents[2]
 _SUPPORT = _ROOT / "tests/support"
 
 
-def ran(folder, *options, **environment):
-    """Run the tests of a folder and return the last lines."""
+def ran(folder, *options, code=0, **environment):
+    """Run the tests of a folder, which ends with this code, and return what it printed."""
     done = subprocess.run(
         [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "no:randomly", *options],
         cwd=folder,
@@ -54,6 +54,7 @@ def ran(folder, *options, **environment):
         text=True,
         check=False,
     )
+    assert done.returncode == code, done.stdout + done.stderr
     return done.stdout
 
 
@@ -62,13 +63,20 @@ def test_only_what_has_not_passed_is_run_again(tmp_path, options):
     """What failed, what failed when it was taken down, and what was skipped is; the rest is left out and counted."""
     (tmp_path / "conftest.py").write_text(_CONFTEST)
     (tmp_path / "test_some.py").write_text(_TESTS)
-    first = ran(tmp_path, *options)
+    first = ran(tmp_path, *options, code=1)
     assert "1 failed, 2 passed, 1 skipped, 1 error" in first
     assert f"1 tests have passed, 0 of them before: {Path('kept/passed')}" in first
     second = ran(tmp_path, *options, GOOD="1")
     assert "3 passed" in second
     assert "4 tests have passed, 1 of them before" in second
     assert len((tmp_path / "kept/passed").read_text().split()) == 4
+    assert "4 tests have passed, 4 of them before" in ran(tmp_path, *options, GOOD="1")  # and make goes on
+
+
+def test_a_part_without_tests_is_an_error(tmp_path):
+    """Nothing has passed: the options select nothing."""
+    (tmp_path / "conftest.py").write_text(_CONFTEST)
+    assert "0 tests have passed" in ran(tmp_path, code=5)
 
 
 def test_each_part_of_a_soak_goes_on_with_the_file_that_the_first_has_begun(tmp_path):
