@@ -15,8 +15,8 @@ from hil.bench.bound import url_of
 from hil.bench.envelope import Monitor
 from hil.executive.ending.stop import StopFlags
 from hil.executive.watching.ports import NoMachine
+from hil.executive.watching.recorded import timeline_of
 from hil.executive.watching.scheduler import Scheduler
-from hil.executive.watching.timeline import OnBench
 from hil.wire.opening import open_bus
 from hil.wire.transcript import Transcript
 
@@ -135,7 +135,9 @@ def test_an_hour_of_an_idle_bench(bench, cost):
         return Monitor(limit, getattr(bench.roles[limit.output], limit.quantity), 0)
 
     monitors = [monitor(limit) for limit in bench.spec.envelope]
-    scheduler = Scheduler(bench, monitors, StopFlags(), watch, OnBench(bench, NoMachine()))
+    scheduler = Scheduler(
+        bench, monitors, StopFlags(), watch, timeline_of(bench, NoMachine(), SimpleNamespace(course=0))
+    )
     scheduler.watch_from_now()
     minutes = 2
     cost("simulated hour of an idle bench", lambda: scheduler.sleep(60 * minutes), units=minutes / 60, rounds=3)

@@ -16,8 +16,10 @@ from hil.executive.ending.stop import StopFlags, Stopped
 from hil.executive.resuming.beginnings import Entering
 from hil.executive.watching import arming
 from hil.executive.watching.keeper import BenchKeeper
+from hil.executive.watching.places import Places
 from hil.executive.watching.ports import Distress, NoMachine
-from hil.executive.watching.timeline import OnBench, OnLiveBench
+from hil.executive.watching.recorded import timeline_of
+from hil.executive.watching.timeline import OnLiveBench
 from hil.model.identity import Dut, Model
 
 
@@ -32,7 +34,9 @@ DUT = Dut(serial="S", part="P", hardware="A", model=Model.EM)
 
 def keeper_of(bench, flags, written, machine):
     """Return the keeper of a bench in this process."""
-    return BenchKeeper(bench, DUT, flags, written, Mock(), machine, OnBench(bench, machine), ())
+    return BenchKeeper(
+        bench, DUT, flags, written, Mock(), machine, timeline_of(bench, machine, SimpleNamespace(course=0)), ()
+    )
 
 
 class StoppedAt(Written):
@@ -183,7 +187,7 @@ def test_arming_ends_when_the_guardian_dies_amid_it():
 
     with bound(adcs()) as bench:
         clock = LiveClock("2026-01-01T00:00:00Z")
-        timeline = OnLiveBench(bench, clock, Guarded(), SimpleNamespace(course=0))
+        timeline = OnLiveBench(bench, clock, Guarded(), Places(SimpleNamespace(course=0)))
         keeper = BenchKeeper(bench, DUT, StopFlags(), written, Mock(), Guarded(), timeline, ())
         assert keeper.arm() == "bench looked after: the guardian is gone"
         assert not any(bench.roles[name].enabled() for name in ("supply.sensor", "supply.coil"))

@@ -12,7 +12,7 @@ from hil.bench.envelope import Trip
 from hil.executive.ending.stop import StopFlags
 from hil.executive.watching.keeper import BenchKeeper
 from hil.executive.watching.ports import NoMachine
-from hil.executive.watching.timeline import OnBench
+from hil.executive.watching.recorded import timeline_of
 from hil.model.identity import Dut, Model
 
 NANO = 1_000_000_000
@@ -35,7 +35,16 @@ def test_the_bench_is_safe_although_the_trip_cannot_be_told():
     with bound(adcs()) as bench:
         dut = Dut(serial="S", part="P", hardware="A", model=Model.EM)
         machine = NoMachine()
-        keeper = BenchKeeper(bench, dut, StopFlags(), written, Mock(), machine, OnBench(bench, machine), ())
+        keeper = BenchKeeper(
+            bench,
+            dut,
+            StopFlags(),
+            written,
+            Mock(),
+            machine,
+            timeline_of(bench, machine, Mock(course=0)),
+            (),
+        )
         bench.roles["supply.sensor"].configure(3.3, 0.02)
         bench.roles["supply.sensor"].enable()
         with pytest.raises(RuntimeError, match="no words"):

@@ -29,8 +29,8 @@ from hil.executive.people.files import Shelf
 from hil.executive.setup.head import PlannedCase
 from hil.executive.setup.workspace import Workspace
 from hil.executive.watching.ports import Distress, NoMachine
+from hil.executive.watching.recorded import timeline_of
 from hil.executive.watching.scheduler import Scheduler
-from hil.executive.watching.timeline import OnBench
 from hil.instruments.sampled import Channel
 from hil.model.bench import CalibratedRange, Calibration, InstrumentSpec, Wire
 from hil.model.envelope import EnvelopeLimit
@@ -246,7 +246,13 @@ def monitor(clock, spec, *, value=5.0, takes=0.004):
 def scheduler(clock, *monitors, flags=None, watch=None):
     """Return a scheduler that watches from now."""
     bench = SimpleNamespace(clock=clock, live=None, playback=None, speed=1.0, transcript=Transcript(None), ports=[])
-    made = Scheduler(bench, monitors, flags or StopFlags(), watch or Watch(), OnBench(bench, NoMachine()))
+    made = Scheduler(
+        bench,
+        monitors,
+        flags or StopFlags(),
+        watch or Watch(),
+        timeline_of(bench, NoMachine(), SimpleNamespace(course=0)),
+    )
     made.watch_from_now()
     return made
 

@@ -28,7 +28,8 @@ from hil.executive.setup.workspace import Workspace, find_workspace
 from hil.executive.watching.arming import FIRST_ARMING, ArmedBench
 from hil.executive.watching.machine import LiveMachine, live_machine
 from hil.executive.watching.ports import Machine, NoMachine
-from hil.executive.watching.timeline import Timeline, timeline_of
+from hil.executive.watching.recorded import timeline_of
+from hil.executive.watching.timeline import Timeline
 from hil.model.bench import BenchSpec
 from hil.model.errors import DeviceFault, Refused
 from hil.model.identity import Source

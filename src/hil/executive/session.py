@@ -37,8 +37,8 @@ from hil.executive.watching.attending import Attendant, Lookout
 from hil.executive.watching.keeper import BenchKeeper
 from hil.executive.watching.machine import LiveMachine, live_machine
 from hil.executive.watching.ports import Machine, NoMachine
+from hil.executive.watching.recorded import timeline_of
 from hil.executive.watching.room import asked_of
-from hil.executive.watching.timeline import timeline_of
 from hil.model.identity import Source
 from hil.model.verdict import Verdict
 from hil.wire.transcript import Transcript

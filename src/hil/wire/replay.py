@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
 from serial import SerialException
 
@@ -29,6 +29,7 @@ __all__ = [
     "MONITOR",
     "OVERDUE",
     "Handover",
+    "Place",
     "Playback",
     "ReplayedBus",
     "ReplayedStream",
@@ -42,7 +43,7 @@ It sends the number of events of the run's own course up to there, and for how m
 CLOCK = "clock"
 """The operation that marks where a bench outside this process caught up with the present without another operation.
 
-It sends the number of events of the run's own course up to there, because it stands between two of them."""
+It sends its place; see `Place`."""
 
 DISTRESS = "distress"
 """The operation that marks where a bench outside this process could no longer be driven.
@@ -56,7 +57,9 @@ HOLD_END = "hold-end"
 """The operation that marks release from the hold state."""
 
 MONITOR = "monitor"
-"""The operation that marks a monitor's turn during a wait; its device is the monitor's limit."""
+"""The operation that marks a monitor's turn during a wait; its device is the monitor's limit.
+
+It sends its place; see `Place`."""
 
 OVERDUE = "monitor-overdue"
 """The same at a scheduling point without a wait; a wait may follow at the same instant."""
@@ -85,6 +88,9 @@ _NOT_NAMED = 7
 _NOT_SPARING = 8
 """The last transcript format in which sensors were read more often than necessary."""
 
+_ANYWHERE = -1
+"""The ordinal in a place of the clock up to format 9, which told the number of events only."""
+
 _HEX_SHOWN = 48
 
 
@@ -101,6 +107,29 @@ class Handover:
     operations: int
     at_ns: int
     act: Callable[[], None]
+
+
+class Place(NamedTuple):
+    """A place in the course of a run: at a point or wait that the case passes in a replay, too, or after it.
+
+    Attributes:
+        course: the number of events of the run's own course before it.
+        ordinal: the number of points and waits since the last event that are not over by then.
+    """
+
+    course: int
+    ordinal: int
+
+    @classmethod
+    def of(cls, mark: Operation) -> Place:
+        """Return the place of a mark."""
+        course, _, ordinal = mark.sent.partition(b" ")
+        return cls(int(course), int(ordinal or _ANYWHERE))
+
+    @property
+    def sent(self) -> bytes:
+        """How a mark tells it."""
+        return b"%d %d" % self
 
 
 class Playback:
@@ -164,23 +193,20 @@ class Playback:
             self._handover = None
             handover.act()
 
-    def due_monitor(self, latest_ns: int, name: str) -> str:
-        """Return the limit whose monitor comes next in the record, or an empty text.
+    def take_monitor(self, latest_ns: int, name: str, place: Place) -> str:
+        """Consume the turn of the monitor that comes next in the record, and return its limit; empty if none does.
 
         Args:
             latest_ns: the last instant at which it may come.
             name: MONITOR in a wait, OVERDUE at a point.
+            place: the last place at which it may come.
         """
         found = self._next
-        there = found is not None and found.name in self._alike[name] and found.start_ns <= latest_ns
-        return found.device if found and there else ""
-
-    def take_monitor(self, latest_ns: int, name: str) -> str:
-        """Consume the turn of the monitor that comes next, if any, and return its limit; see `due_monitor`."""
-        limit = self.due_monitor(latest_ns, name)
-        if limit and self._next:
-            self.take(limit, self._next.name)
-        return limit
+        if found is None or found.name not in self._alike[name] or found.start_ns > latest_ns:
+            return ""
+        if found.sent and Place.of(found) > place:
+            return ""
+        return self.take(found.device, found.name, found.sent).device
 
     def comes(self, name: str, latest_ns: int) -> bool:
         """Return whether this operation comes next in the record, no later than `latest_ns`."""

@@ -23,11 +23,12 @@ __all__ = [
 ]
 
 _COLUMNS = "sequence\tdevice\toperation\tstart_ns\tend_ns\tsent\treceived\terror\n"
-HEADER = f"hil/transcript/9 {_COLUMNS}"
+HEADER = f"hil/transcript/10 {_COLUMNS}"
 """The first line: format and column names."""
 
 _FORMATS = {
-    HEADER: 9,
+    HEADER: 10,
+    f"hil/transcript/9 {_COLUMNS}": 9,
     f"hil/transcript/8 {_COLUMNS}": 8,
     f"hil/transcript/7 {_COLUMNS}": 7,
     f"hil/transcript/6 {_COLUMNS}": 6,
@@ -37,12 +38,12 @@ _FORMATS = {
     f"hil/transcript/2 {_COLUMNS}": 2,
     f"hil/transcript/1\t{_COLUMNS}": 1,
 }
-"""Up to format 8 sensors were read more often than is needed. Up to format 7 no sensor was asked for its name between
-samples. Up to format 6 recordings beside a case did not share the bus by plan, rows of roles that are sampled fed no
-limits, and no arming looked whether there is room for recordings. Up to format 5 none was refused for want of room,
-nor its rate and gap excused. Up to format 4 a question and its reply on a Modbus line were operations of their own.
-Up to format 3 rows of a stream did not wait for their limits. Format 2 gave a monitor's turn at a point the name of
-one in a wait, format 1 had a field more in its header."""
+"""Up to format 9 a monitor's turn did not tell its place. Up to format 8 sensors were read more often than is needed.
+Up to format 7 no sensor was asked for its name between samples. Up to format 6 recordings beside a case did not share
+the bus by plan, rows of roles that are sampled fed no limits, and no arming looked whether there is room for
+recordings. Up to format 5 none was refused for want of room, nor its rate and gap excused. Up to format 4 a question
+and its reply on a Modbus line were operations of their own. Up to format 3 rows of a stream did not wait for their
+limits. Format 2 gave a monitor's turn at a point the name of one in a wait, format 1 had a field more in its header."""
 
 _FIELDS = 8
 _NUMBERS = frozenset({"sequence", "start_ns", "end_ns"})
@@ -173,8 +174,11 @@ def past_lines(path: Path) -> Iterator[str] | None:
     Raises:
         EvidenceError: as `read_transcript`.
     """
-    if not path.exists() or path.stat().st_size < len(HEADER):
+    if not path.exists():
         return None
+    with path.open("rb") as stream:
+        if not stream.readline().endswith(b"\n"):
+            return None
     size = sum(len(line) for line in _lines(path) if line.endswith("\n"))
     if size < path.stat().st_size:  # the lines are ASCII
         os.truncate(path, size)

@@ -165,7 +165,7 @@ def test_replay_of_another_conversation_diverges(record):
 def test_record_that_is_none_is_refused(tmp_path):
     """A file that is no transcript is told so, and no name is taken."""
     (tmp_path / "transcript.tsv").write_text("nothing\n", encoding="utf-8")
-    with pytest.raises(EvidenceError, match="transcript.tsv is not a transcript of format 1 to 9"):
+    with pytest.raises(EvidenceError, match="transcript.tsv is not a transcript of format 1 to 10"):
         bind_replayed(adcs(), Transcript(None), tmp_path / "transcript.tsv", lambda: "")
     assert find_stream("replay://adcs/psu1") is None
 

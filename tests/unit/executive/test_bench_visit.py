@@ -105,7 +105,7 @@ def test_time_that_passed_before_a_stop_is_not_that_of_the_safe_off(tmp_path, mo
         return make_safe_of(armed, tell)
 
     monkeypatch.setattr("hil.executive.bench_visit.NoMachine", Drilled)
-    monkeypatch.setattr("hil.executive.watching.timeline.OnBench.come", lambda _: course.append("caught up"))
+    monkeypatch.setattr("hil.executive.watching.timeline.OnBench.come", lambda *_, **__: course.append("caught up"))
     monkeypatch.setattr("hil.executive.bench_visit.ArmedBench.make_safe", safe)
     checked, _ = energised(tmp_path, lambda _: None)
     assert (checked.ready, checked.safe) == (False, True)

@@ -17,8 +17,8 @@ from hil.executive.ending.stop import StopFlags, Stopped
 from hil.executive.watching.keeper import BenchKeeper
 from hil.executive.watching.machine import LiveMachine
 from hil.executive.watching.ports import Distress, NoMachine
+from hil.executive.watching.recorded import timeline_of
 from hil.executive.watching.scheduler import CaseTimeout, Scheduler
-from hil.executive.watching.timeline import OnLiveBench
 from hil.model.bench import SafeStep
 from hil.model.errors import Garbled, NoReply, Rejected, Tripped
 from hil.model.identity import Source
@@ -115,7 +115,7 @@ def scheduled(distress):
             """Tell of it."""
             return distress
 
-    made = Scheduler(bench, [], flags, watch, OnLiveBench(bench, clock, Machine(), SimpleNamespace(course=7)))
+    made = Scheduler(bench, [], flags, watch, timeline_of(bench, Machine(), SimpleNamespace(course=7)))
     made.watch_from_now()
     return made, flags, watch
 
@@ -171,7 +171,7 @@ def kept(machine, *, live=True):
         clock=clock, live=clock if live else None, playback=None, speed=1.0, transcript=Transcript(None), spec=spec
     )
     bench.roles, bench.brake = {"supply.coil": Silent()}, Brake()
-    timeline = OnLiveBench(bench, clock, machine, SimpleNamespace(course=0))
+    timeline = timeline_of(bench, machine, SimpleNamespace(course=0))
     return BenchKeeper(bench, None, flags, written, None, machine, timeline, ()), flags, written
 
 

@@ -8,12 +8,13 @@ from types import SimpleNamespace
 import pytest
 from case_parts import Watch, limit, monitor, scheduler
 
+from hil.clock.live import LiveClock
 from hil.clock.virtual import VirtualClock
 from hil.executive.ending.stop import StopFlags, Stopped
 from hil.executive.watching.ports import NoMachine
+from hil.executive.watching.recorded import timeline_of
 from hil.executive.watching.scheduler import CaseTimeout, Scheduler
 from hil.executive.watching.sharing import Pace
-from hil.executive.watching.timeline import OnBench, timeline_of
 from hil.model.errors import NoReply, Tripped
 from hil.wire.transcript import Transcript
 
@@ -139,7 +140,13 @@ def test_nothing_is_read_before_and_after_the_watch():
     """Monitors run from arming to the safe state, in between and not else."""
     clock, watch = VirtualClock(), Watch()
     bench = SimpleNamespace(clock=clock, live=None, playback=None, speed=1.0, transcript=Transcript(None), ports=[])
-    scheduled = Scheduler(bench, [monitor(clock, limit())], StopFlags(), watch, OnBench(bench, NoMachine()))
+    scheduled = Scheduler(
+        bench,
+        [monitor(clock, limit())],
+        StopFlags(),
+        watch,
+        timeline_of(bench, NoMachine(), SimpleNamespace(course=0)),
+    )
     scheduled.sleep(5.0)
     assert watch.readings == []
     scheduled.watch_from_now()
@@ -263,17 +270,23 @@ def test_a_quantity_that_nobody_watched_for_too_long_trips():
 
 
 def test_monitors_run_while_a_person_is_awaited():
-    """Where time passes meanwhile, the envelope is watched as in any other wait, and trips."""
-    values = iter([5.0, 5.0, 11.0])
-    clock, scheduled, watch = watched(limit(max_age=20.0), value=lambda: next(values))
+    """Where time goes on meanwhile, the envelope is watched as in any other wait, and trips."""
+    values, wall_ns = iter([5.0, 5.0, 11.0]), [0]
+    clock, watch = LiveClock("2026-01-01T00:00:00Z", real_ns=lambda: wall_ns[0]), Watch()
+    bench = SimpleNamespace(clock=clock, live=clock, playback=None, speed=1.0, transcript=Transcript(None), ports=[])
+    timeline = timeline_of(bench, NoMachine(), SimpleNamespace(course=0))
+    watched_one = monitor(clock, limit(max_age=20.0), value=lambda: next(values), takes=0.0)
+    scheduled = Scheduler(bench, [watched_one], StopFlags(), watch, timeline)
+    scheduled.watch_from_now()
+    clock.begin()
     for _ in range(3):
         scheduled.idle()
-        clock.sleep(1.5)
+    assert watch.readings == []
     with pytest.raises(Tripped, match="above"):
-        for _ in range(3):
+        for _ in range(9):
+            wall_ns[0] += 500_000_000
             scheduled.idle()
-            clock.sleep(1.5)
-    assert len(watch.readings) == 3
+    assert [t for _, t, _ in watch.readings] == [1.0, 2.0, 3.0]
 
 
 def test_the_silence_of_a_monitors_device_is_told_to_the_case():
@@ -334,7 +347,7 @@ class Record:
     def next_if(self, name: str) -> None:
         """Return that no such operation comes."""
 
-    def take_monitor(self, latest_ns: int, name: str) -> str:
+    def take_monitor(self, latest_ns: int, name: str, _place: object) -> str:
         """Take the turn that comes next, and return its limit."""
         if name != "monitor" or not self.turns or self.turns[0] > latest_ns:
             return ""

@@ -12,7 +12,7 @@ from hil.clock.virtual import VirtualClock
 from hil.model.errors import Diverged, EvidenceError
 from hil.wire.exchange import publish_bus, publish_stream, withdraw
 from hil.wire.opening import open_bus, open_port
-from hil.wire.replay import DISTRESS, HOLD, MONITOR, OVERDUE, Playback, ReplayedBus, ReplayedStream
+from hil.wire.replay import DISTRESS, HOLD, MONITOR, OVERDUE, Place, Playback, ReplayedBus, ReplayedStream
 from hil.wire.simulated_bus import SimulatedBus
 from hil.wire.simulated_line import SimulatedLine
 from hil.wire.transcript import Transcript, read_transcript
@@ -130,7 +130,7 @@ def test_the_header_has_a_field_for_every_column(recorded):
     """A table reader finds as many names as values."""
     path, *_ = recorded
     header, *lines = path.read_text(encoding="utf-8").splitlines()
-    assert header.split("\t")[0] == "hil/transcript/9 sequence"
+    assert header.split("\t")[0] == "hil/transcript/10 sequence"
     assert {line.count("\t") for line in lines} == {header.count("\t")}
 
 
@@ -151,13 +151,13 @@ def test_transcripts_of_earlier_formats_are_read_as_ever(recorded, header):
     """The first had a field of its own for the format; their lines are the same."""
     path, *_ = recorded
     operations = list(read_transcript(path))
-    path.write_text(path.read_text(encoding="utf-8").replace("hil/transcript/9 ", header), encoding="utf-8")
+    path.write_text(path.read_text(encoding="utf-8").replace("hil/transcript/10 ", header), encoding="utf-8")
     assert list(read_transcript(path)) == operations
 
 
 @pytest.mark.parametrize(
     ("header", "found"),
-    [("hil/transcript/2 ", "v"), *((f"hil/transcript/{later} ", "") for later in (3, 4, 5, 6, 7, 8))],
+    [("hil/transcript/2 ", ["v", ""]), *((f"hil/transcript/{later} ", ["", "v"]) for later in (3, 4, 5, 6, 7, 8))],
 )
 def test_a_monitor_at_a_point_is_told_from_one_in_a_wait(tmp_path, header, found):
     """Up to format 2 both had one name; since then a turn in a wait is left for it. Rows wait since 4."""
@@ -167,10 +167,9 @@ def test_a_monitor_at_a_point_is_told_from_one_in_a_wait(tmp_path, header, found
     transcript.flush()
     sink.close()
     path = tmp_path / "t.tsv"
-    path.write_text(path.read_text(encoding="utf-8").replace("hil/transcript/9 ", header), encoding="utf-8")
+    path.write_text(path.read_text(encoding="utf-8").replace("hil/transcript/10 ", header), encoding="utf-8")
     playback = Playback(path, VirtualClock(), lambda: "here")
-    assert playback.due_monitor(5, OVERDUE) == found
-    assert playback.due_monitor(5, MONITOR) == "v"
+    assert [playback.take_monitor(5, name, Place(0, 1)) for name in (OVERDUE, MONITOR)] == found
     assert playback.rows_wait is (header > "hil/transcript/3 ")
     assert playback.shared is (header > "hil/transcript/5 ")
     assert playback.all_share is (header > "hil/transcript/6 ")
@@ -198,7 +197,7 @@ def test_a_question_in_parts_is_answered(tmp_path, looked):
             transcript.note("tec1", name, 9, 9, received=received)
         transcript.flush()
     path = tmp_path / "t.tsv"
-    path.write_text(path.read_text(encoding="utf-8").replace("transcript/9 ", "transcript/4 "), encoding="utf-8")
+    path.write_text(path.read_text(encoding="utf-8").replace("transcript/10 ", "transcript/4 "), encoding="utf-8")
     playback = Playback(path, VirtualClock(), lambda: "here")
     assert ReplayedStream("tec1", playback).exchange(b"ask", 0.5) == b"ans"
     assert playback.exhausted

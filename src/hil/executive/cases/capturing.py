@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from hil.clock.port import NANOSECONDS
 from hil.evidence import events
 from hil.executive.cases.facade import Facade
 from hil.executive.journaling.row_store import RowStore
@@ -68,7 +67,7 @@ class Capturing:
         return {"sha256": digest, "rows": frame.rows}
 
     def _wait(self, within: float) -> None:
-        deadline_ns = self._scheduler.now_ns() + round(within * NANOSECONDS)
+        deadline_ns = self._scheduler.in_ns(within)
         while not self._source.guarded(self._role.complete):
             now_ns = self._scheduler.now_ns()
             if now_ns >= deadline_ns:

@@ -204,7 +204,7 @@ class During:
 
     def _wait_for(self, within: float, done: Callable[[], bool]) -> None:
         """Wait until rows show it; rows that arrived in time but await their turn are fetched at the end."""
-        self._scheduler.wait_until(self._scheduler.now_ns() + round(within * NANOSECONDS), done)
+        self._scheduler.wait_until(self._scheduler.in_ns(within), done)
         if not done():
             self._taking.turns.take_early()
 

@@ -35,7 +35,7 @@ class Course(Freshness, Protocol):
         """The timeline that holds now."""
         ...
 
-    def come(self) -> None:
+    def come(self) -> object:
         """Catch up with the present."""
         ...
 

@@ -79,11 +79,11 @@ class Lookout:
         self._holding = holding
         self._expect = expect
         self._expected = -math.inf
-        self._signs = scheduler.now_ns(), scheduler.stood_since
+        self._signs = scheduler.now_ns(), scheduler.standstill.since
 
     def between(self) -> None:
         """Restart the timeout, if the case has let bench time pass or waited for a person meanwhile."""
-        signs = self._scheduler.now_ns(), self._scheduler.stood_since
+        signs = self._scheduler.now_ns(), self._scheduler.standstill.since
         if signs != self._signs:
             self._signs = signs
             self._restart_timeout()

@@ -157,7 +157,7 @@ class Holding:
                     self._scheduler.watch_from_now()
                     continue
                 before = self._bench.transcript.operations
-                self._scheduler.point()  # monitors and turns beside the case, as during the hold
+                self._scheduler.idle(held=True)  # monitors and turns beside the case, as during the hold
                 if not self._scheduler.timeline.retraces:
                     break
                 if self._bench.transcript.operations == before:
@@ -236,7 +236,7 @@ class Holding:
             self._scheduler.watch_from_now()
             while self._released is None:
                 wall.pause(_PATIENCE_S)
-                self._scheduler.point()
+                self._scheduler.idle(held=True)
             self._note(HOLD_END)
             self._as_before()
             how = "released"

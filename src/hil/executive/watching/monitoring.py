@@ -21,7 +21,7 @@ from hil.model.bench import InstrumentSpec, Wire
 from hil.model.envelope import EnvelopeLimit
 from hil.model.errors import DeviceFault, NoReply, Refused, Rejected
 from hil.model.figure import Figure
-from hil.wire.replay import MONITOR, OVERDUE
+from hil.wire.replay import MONITOR, OVERDUE, Place
 from hil.wire.tap import LONGEST_TRANSACTION
 
 __all__ = ["Heartbeat", "Monitoring", "heartbeats_of", "monitor_of"]
@@ -47,14 +47,11 @@ class _Ahead(Bus):
         super().__init__()
         self._pace = pace
         self._monitors = monitors
-        self.admitted = False
 
     def room(self, monitor: Monitor, now_ns: int, until_ns: int) -> bool:
         """Return whether a monitor would later have to be read between two samples, without room for that."""
         del until_ns
-        before = Share(self._pace, now_ns, self._monitors).before(monitor)
-        self.admitted = self.admitted or before
-        return before
+        return Share(self._pace, now_ns, self._monitors).before(monitor)
 
 
 class Monitoring:
@@ -115,7 +112,7 @@ class Monitoring:
             return
         name = MONITOR if self._clock.now_ns() < until_ns else OVERDUE
         for monitor in timeline.due(self.all, until_ns, name, self.bus):
-            self._take(monitor, name)
+            self._take(monitor, name, timeline.place)
         self.soonest_ns = timeline.soonest_ns(self.all)
 
     def run_overdue(self, timeline: Timeline) -> None:
@@ -142,9 +139,9 @@ class Monitoring:
         while waiting:  # the time of one reading may leave no room for another, which then also goes before
             ahead, read = _Ahead(pace, monitors), []
             for monitor in timeline.due(waiting, self._clock.now_ns(), OVERDUE, ahead):
-                self._take(monitor, OVERDUE)
+                self._take(monitor, OVERDUE, timeline.place)
                 read.append(monitor)
-            if not ahead.admitted:
+            if not read:
                 break
             waiting = [each for each in waiting if each not in read]
         return monitors
@@ -159,9 +156,9 @@ class Monitoring:
         if now_ns >= when_ns + _LAG_NS:
             self.run(now_ns, timeline)
 
-    def _take(self, monitor: Monitor, name: str) -> None:
+    def _take(self, monitor: Monitor, name: str, place: Place) -> None:
         now_ns, silences = self._clock.now_ns(), self._silences()
-        self._bench.transcript.note(monitor.limit.id, name, now_ns, now_ns)
+        self._bench.transcript.note(monitor.limit.id, name, now_ns, now_ns, sent=place.sent)
         try:
             if late_s := monitor.late_s(now_ns):
                 self._reports.late(monitor.limit.id, late_s)

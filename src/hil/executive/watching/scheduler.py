@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from operator import attrgetter
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING
 
 from hil.bench.bound import BoundBench
 from hil.bench.envelope import Monitor, Trip
@@ -15,7 +15,8 @@ from hil.executive.watching.feeding import Fed, Feed, Feeds
 from hil.executive.watching.monitoring import Monitoring
 from hil.executive.watching.ports import Beside, CaseAtWork, Distress, Reports
 from hil.executive.watching.sharing import Pace, Share
-from hil.executive.watching.timeline import Timeline
+from hil.executive.watching.standstill import Standstill
+from hil.executive.watching.timeline import BENCH, Timeline
 from hil.model.bench import InstrumentSpec
 from hil.model.errors import DeviceFault, HilError, NoReply, Tripped
 
@@ -25,16 +26,12 @@ if TYPE_CHECKING:
 
 __all__ = ["CaseTimeout", "Scheduler"]
 
-_BENCH = "bench"
 _UNWATCHED_NS = 10_000_000_000
 """Longest time between scheduling points on a bench without an envelope."""
 
 _TICK_S = 0.2
 _SWALLOWED = 10
 """After this many refusals a case has swallowed a stop, and the bench no longer waits for its end."""
-
-_LEAST_STANDING_S = 5.0
-"""Time always allowed for a computation on a slow machine, however short a case's `max_duration` is."""
 
 _MOST_REFUSALS = 100
 """After this many refusals a case is never going to end."""
@@ -71,7 +68,7 @@ class Scheduler:
         monitoring: runs the monitors.
         feeds: judge the rows of streams.
         timeline: the present timeline.
-        stood_since: wall time since when bench time has stood still without waiting for a person.
+        standstill: limits the wall time of a case that lets no bench time pass.
     """
 
     def __init__(
@@ -87,9 +84,8 @@ class Scheduler:
         self.flags = flags
         self._reports = reports
         self.timeline = timeline
-        self._ticked = self.stood_since = wall.monotonic()
-        self._stood_at_ns = 0
-        self._longest_standing_s = 0.0
+        self.standstill = Standstill(bench.clock)
+        self._ticked = wall.monotonic()
         self.overdue = ""
         self._trip: Trip | None = None
         self.lost: Distress | None = None
@@ -123,7 +119,7 @@ class Scheduler:
     @property
     def patience_s(self) -> float | None:
         """Wall-clock seconds after which only a call that does not return keeps a case going, None without a limit."""
-        return None if self.deadline_ns is None else self._longest_standing_s + _LEAST_STANDING_S
+        return None if self.deadline_ns is None else self.standstill.patience_s
 
     def rest(self) -> None:
         """Stop running the monitors."""
@@ -133,6 +129,11 @@ class Scheduler:
         """Return the bench's time."""
         return self.clock.now_ns()
 
+    def in_ns(self, seconds: float) -> int:
+        """Return the bench's time in `seconds`; a replay catches up before."""
+        self.catch_up(to_event=False)
+        return self.clock.now_ns() + round(seconds * NANOSECONDS)
+
     def point(self) -> None:
         """Pass a scheduling point in which no time passes.
 
@@ -140,24 +141,19 @@ class Scheduler:
             Stopped, CaseTimeout, Tripped: see there.
         """
         with self.flags.undisturbed():
-            self._look()
+            self._enter()
             self.timeline.come()
-            now_ns = self.clock.now_ns()
-            if self._beside:
-                self._take_turns(now_ns, None)
-                now_ns = self.clock.now_ns()
-            if now_ns >= self.monitoring.quiet_ns or self.monitoring.bus.shares:
-                self.monitoring.run_overdue(self.timeline)
+            self._take_due()
 
     def sleep(self, seconds: float) -> None:
         """Let `seconds` of bench time pass."""
         if not seconds >= 0:
             raise ValueError(f"a wait cannot last {seconds} s")
-        self.wait_until(self.clock.now_ns() + round(seconds * NANOSECONDS))
+        self.wait_until(self.in_ns(seconds))
 
     def wait_until(self, when_ns: int, done: Callable[[], bool] | None = None) -> None:
         """Let bench time pass until `when_ns`, or until `done` is true after a turn beside the case."""
-        self._look()
+        self._enter()
         if not self._take_turns(when_ns, done) and not self._pass(when_ns):
             self.monitoring.run_late(when_ns, self.timeline)
 
@@ -167,7 +163,7 @@ class Scheduler:
         Late samples leave no wait for a monitor's turn: the share of their recording knows which is admitted. A case
         writes events between its waits, and a replay could take a reading on the other side of one.
         """
-        self._look()
+        self._enter()
         if not self._take_turns(due_ns, None) and not self._pass(due_ns) and self.clock.now_ns() > due_ns:
             self.monitoring.run(self.clock.now_ns(), self.timeline)
 
@@ -188,7 +184,7 @@ class Scheduler:
     def share(self, pace: Pace, fed: Fed = ()) -> Share:
         """Return the share of the bus that a recording leaves to limits not fed by it; see `Monitoring.run_before`."""
         if self.watching:
-            self._look()
+            self._enter()
         others = self.monitoring.run_before(pace, fed, self.timeline) if self.watching else []
         return Share(pace, self.now_ns(), others)
 
@@ -205,7 +201,7 @@ class Scheduler:
             Tripped: a row outside completed the limit's debounce; the bench was made safe.
         """
         if self.watching and (trip := feed.judge(rows, self.clock.now_ns())):
-            self._make_safe(trip)
+            self._trip_once(trip)
 
     def unfeed(self, feed: Feed) -> None:
         """Have the monitors take readings again."""
@@ -217,15 +213,13 @@ class Scheduler:
         self.timeline.come()
         self.catch_up()
 
-    def catch_up(self) -> None:
-        """Pass the points at which a replayed bench caught up in the middle of computations and questions."""
-        for held_up in self.timeline.marks():
+    def catch_up(self, *, to_event: bool = True) -> None:
+        """Pass the points at which a replayed bench caught up in computations and questions; see `Timeline.marks`."""
+        for held_up in self.timeline.marks(to_event=to_event):
             if held_up is not None:
                 self._blame(held_up)
-                continue
-            if self._beside and self.watching:
-                self._take_turns(self.clock.now_ns(), None)
-            self.monitoring.run(self.clock.now_ns(), self.timeline)
+            elif self.watching:
+                self._take_due()
 
     def busy(self, seconds: float) -> None:
         """Note that a case's own code left the bench unattended for this many seconds, with outputs on."""
@@ -259,9 +253,8 @@ class Scheduler:
     def begin_case(self, case: CaseAtWork, lasts_ns: int) -> None:
         """Begin a case's turn at the bench, which may take `lasts_ns` at most."""
         self.deadline_ns = self.clock.now_ns() + lasts_ns
-        self._longest_standing_s = max(_LEAST_STANDING_S, lasts_ns / NANOSECONDS)
-        self.stood_since, self.overdue = wall.monotonic(), ""
-        self.refused = 0
+        self.standstill.begin(lasts_ns / NANOSECONDS)
+        self.overdue, self.refused = "", 0
         self.monitoring.case = case
         if not self.watching:  # the bench was made safe during the previous case
             self.watch_from_now()
@@ -295,10 +288,26 @@ class Scheduler:
             self.lost = distress
             self._reports.lost(distress)
 
-    def idle(self) -> None:
-        """Pass a scheduling point while waiting for a person; monitors take their turn as in any other wait."""
-        self.stood_since = wall.monotonic()
-        self.point()
+    def idle(self, *, held: bool = False) -> None:
+        """Pass a scheduling point that a replay passes only where the record has a mark of time that went on meanwhile.
+
+        Args:
+            held: whether the bench is held; otherwise a person is awaited. In this process a hold makes limits due.
+        """
+        self.standstill.excuse()
+        with self.flags.undisturbed():
+            self.catch_up(to_event=False)
+            self._look()
+            if (self.timeline.come() or (held and not self._bench.outside)) and self.watching:
+                self._take_due()
+
+    def _take_due(self) -> None:
+        now_ns = self.clock.now_ns()
+        if self._beside:
+            self._take_turns(now_ns, None)
+            now_ns = self.clock.now_ns()
+        if now_ns >= self.monitoring.quiet_ns or self.monitoring.bus.shares:
+            self.monitoring.run_overdue(self.timeline)
 
     def _take_turns(self, until_ns: int, done: Callable[[], bool] | None) -> bool:
         """Let time pass from turn to turn, in order, up to the last one before `until_ns`; return whether `done`."""
@@ -330,32 +339,29 @@ class Scheduler:
             if self.clock.now_ns() >= when_ns:
                 return True
 
+    def _enter(self) -> None:
+        """Begin a point or a wait of the case."""
+        self.catch_up(to_event=False)
+        self._look()
+        if self.timeline.retraces:
+            self.catch_up(to_event=False)  # after a hold
+        self.timeline.enter()
+
     def _look(self) -> None:
         if self.timeline.retraces:
-            self.catch_up()
             self.timeline = self.timeline.look()
             self._reports.hold_as_recorded()
         now = wall.monotonic()
         if now - self._ticked >= _TICK_S:
             self._ticked = now
             self._reports.tick()
-            self._limit_standstill(now)
+            if too_long := self.standstill.look(now, limited=self.deadline_ns is not None):
+                self.overrun(too_long)
         try:
             self._end_if_due()
         except (Stopped, Tripped, CaseTimeout) as ending:
             self._refuse(ending)
             raise
-
-    def _limit_standstill(self, now: float) -> None:
-        """Count wall time while bench time stands still, which would let a case go on for ever.
-
-        It may stand still while a person is asked, and while the bench is held.
-        """
-        at_ns = self.clock.now_ns()
-        if self.deadline_ns is None or at_ns != self._stood_at_ns:
-            self._stood_at_ns, self.stood_since = at_ns, now
-        elif now - self.stood_since > self._longest_standing_s:
-            self.overrun(f"the case ran for {now - self.stood_since:.0f} s without letting any bench time pass")
 
     def _end_if_due(self) -> None:
         self.flags.check()
@@ -365,7 +371,7 @@ class Scheduler:
             if distress.what:
                 self.lose(distress)
                 raise Stopped(distress.reason)
-            self._trip_once(Trip(_BENCH, None, "", distress.text))
+            self._trip_once(Trip(BENCH, None, "", distress.text))
         if self.deadline_ns is not None and self.clock.now_ns() > self.deadline_ns:
             raise CaseTimeout
         if self.overdue:
@@ -389,9 +395,6 @@ class Scheduler:
 
     def _trip_once(self, trip: Trip) -> None:
         if self._trip is None:
-            self._make_safe(trip)
-
-    def _make_safe(self, trip: Trip) -> NoReturn:
-        self._trip = trip
-        self._reports.trip(trip)
-        raise Tripped(trip.text, "the bench was made safe and stays so for the rest of the run")
+            self._trip = trip
+            self._reports.trip(trip)
+            raise Tripped(trip.text, "the bench was made safe and stays so for the rest of the run")

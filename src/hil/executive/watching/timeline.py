@@ -1,42 +1,34 @@
-"""Timelines: when things happen that no case asks for, by the bench's own clock or as in a record."""
+"""Timelines: when things happen that no case asks for, here by the bench's own clock."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from types import MappingProxyType
+from collections.abc import Iterator, Sequence
 from typing import Protocol
 
 from hil.bench.bound import BoundBench
 from hil.bench.envelope import Monitor
 from hil.bench.gate import Gate
 from hil.clock.live import LiveClock
+from hil.executive.watching.places import Places
 from hil.executive.watching.ports import Distress, Freshness, Machine
 from hil.executive.watching.sharing import Bus
 from hil.model.errors import HilError
-from hil.wire.replay import BUSY, CLOCK, DISTRESS, Playback
+from hil.wire.replay import BUSY, CLOCK, DISTRESS, Place
 from hil.wire.tap import LONGEST_TRANSACTION
 
 __all__ = [
-    "Course",
+    "BENCH",
     "OnBench",
     "OnLiveBench",
-    "OnRecord",
     "Timeline",
-    "timeline_of",
+    "held_up",
+    "note",
 ]
 
-_BENCH = "bench"
+BENCH = "bench"
+"""The device of marks that belong to no device."""
 _LAG_NS = 50_000_000
 """Computation time between a case's calls up to which bench time does not catch up."""
-
-
-class Course(Protocol):
-    """The events of a run."""
-
-    @property
-    def course(self) -> int:
-        """How many events of the run's own course there are."""
-        ...
 
 
 class Timeline(Protocol):
@@ -60,12 +52,25 @@ class Timeline(Protocol):
         """Whether what happens now is already on record."""
         ...
 
-    def come(self) -> None:
-        """Catch up with the present, if bench time is behind."""
+    @property
+    def place(self) -> Place:
+        """The present place in the run's course."""
         ...
 
-    def marks(self) -> Iterator[HilError | None]:
-        """Yield, for each point between two calls at which the record caught up, the case's error there, if any."""
+    def enter(self) -> None:
+        """Begin a point or a wait of the case."""
+        ...
+
+    def come(self) -> bool:
+        """Catch up with the present, if bench time is behind; return whether it was."""
+        ...
+
+    def marks(self, *, to_event: bool) -> Iterator[HilError | None]:
+        """Yield, for each point between two calls at which the record caught up, the case's error there, if any.
+
+        Args:
+            to_event: up to the next event; otherwise only up to the next point or wait of the case.
+        """
         ...
 
     def look(self) -> Timeline:
@@ -123,25 +128,35 @@ class OnBench:
     Args:
         bench: the bench.
         machine: the machine that drives it.
+        places: number where the run is.
     """
 
     rows_wait = rows_together = shared = all_share = True
 
-    def __init__(self, bench: BoundBench, machine: Machine) -> None:
+    def __init__(self, bench: BoundBench, machine: Machine, places: Places) -> None:
         self._bench = bench
         self._clock = bench.clock
         self._machine = machine
+        self._places = places
+        self.enter = places.enter
 
     @property
     def retraces(self) -> bool:
         """Whether a resumed run that is re-executed from its first step has operations left to retrace."""
         return self._bench.transcript.comes_again
 
-    def come(self) -> None:
-        """Do nothing: this bench is always at its present."""
+    @property
+    def place(self) -> Place:
+        """The present place in the run's course."""
+        return self._places.here()
 
-    def marks(self) -> Iterator[HilError | None]:
+    def come(self) -> bool:
+        """Return False: this bench is always at its present."""
+        return False
+
+    def marks(self, *, to_event: bool) -> Iterator[HilError | None]:
         """Return none."""
+        del to_event
         return iter(())
 
     def look(self) -> Timeline:
@@ -188,11 +203,11 @@ class OnBench:
 
     def holds(self, name: str) -> bool:
         """Return whether the transcript of a resumed run has this mark next."""
-        return self._bench.transcript.next_is(_BENCH, name)
+        return self._bench.transcript.next_is(BENCH, name)
 
     def mark_hold(self, name: str) -> None:
         """Note that a hold began or ended now."""
-        _note(self._bench, name)
+        note(self._bench, name)
 
     def host_gates(self, arming: int, freshness: Freshness) -> Iterator[tuple[Gate, bool]]:
         """Yield the gates of the machine."""
@@ -207,26 +222,27 @@ class OnLiveBench(OnBench):
     """The timeline of a bench outside this process, whose clock stands still between operations.
 
     While a person is asked, or a case computes, bench time must catch up, for monitors and turns. The transcript
-    marks that with the number of events before it, so that a replay does so between the same two events.
+    marks that with its place, so that a replay does so at the same one.
 
     Args:
         bench: the bench.
         clock: its clock.
         machine: the machine that drives it.
-        events: know their number.
+        places: number where the run is.
     """
 
-    def __init__(self, bench: BoundBench, clock: LiveClock, machine: Machine, events: Course) -> None:
-        super().__init__(bench, machine)
+    def __init__(self, bench: BoundBench, clock: LiveClock, machine: Machine, places: Places) -> None:
+        super().__init__(bench, machine, places)
         self._live = clock
-        self._events = events
 
-    def come(self) -> None:
-        """Catch up with the present, if bench time is behind by more than a moment."""
+    def come(self) -> bool:
+        """Catch up with the present, if bench time is behind by more than a moment; return whether it was."""
         live = self._live
-        if live.lag_ns() > _LAG_NS:
-            began_ns, sent = live.now_ns(), str(self._events.course).encode()
-            self._bench.transcript.note(_BENCH, CLOCK, began_ns, live.look(), sent=sent)
+        if live.lag_ns() <= _LAG_NS:
+            return False
+        began_ns = live.now_ns()
+        self._bench.transcript.note(BENCH, CLOCK, began_ns, live.look(), sent=self.place.sent)
+        return True
 
     def distress(self) -> Distress | None:
         """Return why the machine can no longer drive the bench, None while it can.
@@ -234,7 +250,7 @@ class OnLiveBench(OnBench):
         What trips the bench for good does so in a replay, too. A loss that leaves the run resumable is not replayed.
         """
         if (found := self._machine.distress()) and not found.what:
-            _note(self._bench, DISTRESS, f"{self._events.course} {found.text}".encode())
+            note(self._bench, DISTRESS, f"{self.place.course} {found.text}".encode())
         return found
 
     def busy(self, seconds: float) -> HilError | None:
@@ -245,152 +261,22 @@ class OnLiveBench(OnBench):
         if seconds <= LONGEST_TRANSACTION:
             return None
         told = f"{seconds:.2f}"
-        _note(self._bench, BUSY, f"{self._events.course} {told}".encode())
-        return _held_up(told)
+        note(self._bench, BUSY, f"{self.place.course} {told}".encode())
+        return held_up(told)
 
     def longest_ns(self, when_ns: int) -> int:
         """Return the end of the present time slice of the clock."""
         return min(when_ns, self._live.soon_ns()) if self._live.began else when_ns
 
 
-class OnRecord:
-    """The timeline of a record: everything happens as in the transcript.
-
-    Args:
-        bench: the bench.
-        playback: the record that answers for it.
-        after: the timeline of the bench, once it continues by itself.
-        events: know their number.
-        not_opened: the host gate that ended an arming, by arming: people and machine are not asked again.
-    """
-
-    def __init__(
-        self,
-        bench: BoundBench,
-        playback: Playback,
-        after: Timeline,
-        events: Course,
-        not_opened: Mapping[int, Gate],
-    ) -> None:
-        self._bench = bench
-        self._playback = playback
-        self._after = after
-        self._events = events
-        self._not_opened = not_opened
-        self.rows_wait = playback.rows_wait
-        self.rows_together = not playback.in_parts
-        self.shared = playback.shared
-        self.all_share = playback.all_share
-
-    @property
-    def retraces(self) -> bool:
-        """Return True: a record is retraced."""
-        return True
-
-    def come(self) -> None:
-        """Do nothing: the marks of the record show where it caught up with its present."""
-
-    def marks(self) -> Iterator[HilError | None]:
-        """Yield what the record has between the last event and the next one; see `Timeline`."""
-        while True:
-            while told := self._mark(BUSY):
-                yield _held_up(told.decode())
-            if not self._mark(CLOCK):
-                return
-            yield None
-
-    def look(self) -> Timeline:
-        """Let the bench continue from here if the record ends here; return the timeline that then applies."""
-        self._playback.hand_over_if_due()
-        return self._after if self._bench.playback is None else self
-
-    def distress(self) -> Distress | None:
-        """Return why the bench could no longer be driven then."""
-        text = self._mark(DISTRESS).decode()
-        return Distress(text) if text else None
-
-    def busy(self, seconds: float) -> HilError | None:
-        """Return None: the marks of the record show how long the case took then."""
-        del seconds
-        return None
-
-    def due(self, monitors: Sequence[Monitor], until_ns: int, name: str, bus: Bus) -> Iterator[Monitor]:
-        """Yield the monitors that the record has here; those of a later wait are left for that one."""
-        del bus
-        clock = self._bench.clock
-        while limit := self._playback.take_monitor(max(until_ns - 1, clock.now_ns()), name):
-            yield next(monitor for monitor in monitors if monitor.limit.id == limit)
-
-    def soonest_ns(self, monitors: Sequence[Monitor]) -> int:
-        """Return 0: only the record knows."""
-        del monitors
-        return 0
-
-    quiet_ns = soonest_ns
-
-    def look_up_ns(self, when_ns: int, monitors: Sequence[Monitor]) -> int:
-        """Return where the wait ends, or pauses, in the record."""
-        del monitors
-        return self._playback.look_up_ns(when_ns)
-
-    def longest_ns(self, when_ns: int) -> int:
-        """Return `when_ns`: a record needs no attention."""
-        return when_ns
-
-    def holds(self, name: str) -> bool:
-        """Return whether this mark is next in the record."""
-        return self._playback.comes(name, self._bench.clock.now_ns())
-
-    def mark_hold(self, name: str) -> None:
-        """Take a mark of a hold from the record."""
-        self._playback.take(_BENCH, name)
-        _note(self._bench, name)
-
-    def host_gates(self, arming: int, freshness: Freshness) -> Iterator[tuple[Gate, bool]]:
-        """Yield the gate that ended this arming in the record, if one did; it is on record already."""
-        del freshness
-        if gate := self._not_opened.get(arming):
-            yield gate, False
-
-    def skip(self, operations: int) -> None:
-        """Skip the record up to that number of operations."""
-        self._playback.skip(operations)
-
-    def _mark(self, name: str) -> bytes:
-        """Take a mark that the record has between the last event and the next one; return its content."""
-        found = self._playback.next_if(name)
-        if found is None:
-            return b""
-        number, _, told = found.sent.partition(b" ")
-        if int(number) > self._events.course:
-            return b""
-        began_ns = self._bench.clock.now_ns()
-        self._playback.take(_BENCH, name, found.sent)
-        self._bench.transcript.note(_BENCH, name, began_ns, self._bench.clock.now_ns(), sent=found.sent)
-        return told or number
-
-
-def timeline_of(
-    bench: BoundBench, machine: Machine, events: Course, not_opened: Mapping[int, Gate] = MappingProxyType({})
-) -> Timeline:
-    """Return the timeline of a bench: of its record, if one answers for it, otherwise of its own clock.
-
-    Args:
-        bench: the bench.
-        machine: the machine that drives it.
-        events: know their number.
-        not_opened: see `OnRecord`.
-    """
-    own = OnBench(bench, machine) if bench.live is None else OnLiveBench(bench, bench.live, machine, events)
-    return own if bench.playback is None else OnRecord(bench, bench.playback, own, events, not_opened)
-
-
-def _note(bench: BoundBench, name: str, sent: bytes = b"") -> None:
+def note(bench: BoundBench, name: str, sent: bytes = b"") -> None:
+    """Note a mark of the bench in the transcript."""
     now_ns = bench.clock.now_ns()
-    bench.transcript.note(_BENCH, name, now_ns, now_ns, sent=sent)
+    bench.transcript.note(BENCH, name, now_ns, now_ns, sent=sent)
 
 
-def _held_up(seconds: str) -> HilError:
+def held_up(seconds: str) -> HilError:
+    """Return the error of a case whose own code ran for this long, with outputs on."""
     return HilError(
         f"its own code ran for {seconds} s without letting anybody look after the bench, with outputs on;"
         f" {LONGEST_TRANSACTION:g} s are allowed",
