@@ -19,18 +19,14 @@ NOISE = 0.3 * GENERATOR.standard_normal((SAMPLES, 3))
 
 @pytest.mark.parametrize("method", METHODS)
 def test_ten_thousand_samples(pair, method):
-    """Less than 50 ms of processor time; beside it the singular value decomposition of as many rows of ten."""
+    """At most the processor time of a hundred singular value decompositions of as many rows of ten: 50 ms or so."""
     field = 45.0 if method == "ellipsoid" else MAGNITUDES
     readings = np.broadcast_to(field, SAMPLES)[:, None] * DIRECTIONS + [12.0, -30.0, 8.0] + NOISE
     rows = np.hstack([readings, np.square(readings), readings * np.roll(readings, 1, axis=1), np.ones((SAMPLES, 1))])
-    spent = []
 
     def ours():
-        began = time.process_time()
         report = calibrate_magnetometer(readings, "uT", field=None if method == "ellipsoid" else field, method=method)
-        spent.append(time.process_time() - began)
         assert report.conclusive
 
     what = f"{method} of 10,000 samples, and one decomposition"
-    pair(what, ours, lambda: np.linalg.svd(rows, full_matrices=False), clock=time.process_time)
-    assert min(spent) < 0.05
+    assert pair(what, ours, lambda: np.linalg.svd(rows, full_matrices=False), clock=time.process_time) < 100
