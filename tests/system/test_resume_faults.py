@@ -112,8 +112,8 @@ def test_a_resume_that_is_stopped_on_its_record_leaves_the_run_as_it_was(workspa
     ended = finish(STARTED[-1], 60)
     if ended.code == 0:
         pytest.skip("the resume had ended before it was stopped")
-    # On a busy machine a Ctrl-C may come before the resume has started; then it says nothing of the run.
-    early = how == "SIGINT" and ended.code == 130
+    # On a busy machine a signal may come before the resume has started; then it says nothing of the run.
+    early = how != "hil stop" and ended.code == 130
     if ended.code == 2 and b'"kind":"resumed"' in (interrupted / "data/journal.jsonl").read_bytes().removeprefix(
         before
     ):
