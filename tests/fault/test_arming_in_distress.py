@@ -16,10 +16,9 @@ from hil.executive.ending.stop import StopFlags, Stopped
 from hil.executive.resuming.beginnings import Entering
 from hil.executive.watching import arming
 from hil.executive.watching.keeper import BenchKeeper
-from hil.executive.watching.places import Places
 from hil.executive.watching.ports import Distress, NoMachine
 from hil.executive.watching.recorded import timeline_of
-from hil.executive.watching.timeline import OnLiveBench
+from hil.executive.watching.timeline import OnLiveBench, Places
 from hil.model.identity import Dut, Model
 
 

@@ -8,10 +8,18 @@ from types import MappingProxyType
 from hil.bench.bound import BoundBench
 from hil.bench.envelope import Monitor
 from hil.bench.gate import Gate
-from hil.executive.watching.places import Course, Places
 from hil.executive.watching.ports import Distress, Freshness, Machine
 from hil.executive.watching.sharing import Bus
-from hil.executive.watching.timeline import BENCH, OnBench, OnLiveBench, Timeline, held_up, note
+from hil.executive.watching.timeline import (
+    BENCH,
+    Course,
+    OnBench,
+    OnLiveBench,
+    Places,
+    Timeline,
+    held_up,
+    note,
+)
 from hil.model.errors import HilError
 from hil.wire.replay import BUSY, CLOCK, DISTRESS, Place, Playback
 from hil.wire.transcript import Operation

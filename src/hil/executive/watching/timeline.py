@@ -9,7 +9,6 @@ from hil.bench.bound import BoundBench
 from hil.bench.envelope import Monitor
 from hil.bench.gate import Gate
 from hil.clock.live import LiveClock
-from hil.executive.watching.places import Places
 from hil.executive.watching.ports import Distress, Freshness, Machine
 from hil.executive.watching.sharing import Bus
 from hil.model.errors import HilError
@@ -18,8 +17,10 @@ from hil.wire.tap import LONGEST_TRANSACTION
 
 __all__ = [
     "BENCH",
+    "Course",
     "OnBench",
     "OnLiveBench",
+    "Places",
     "Timeline",
     "held_up",
     "note",
@@ -29,6 +30,15 @@ BENCH = "bench"
 """The device of marks that belong to no device."""
 _LAG_NS = 50_000_000
 """Computation time between a case's calls up to which bench time does not catch up."""
+
+
+class Course(Protocol):
+    """The events of a run."""
+
+    @property
+    def course(self) -> int:
+        """How many events of the run's own course there are."""
+        ...
 
 
 class Timeline(Protocol):
@@ -120,6 +130,31 @@ class Timeline(Protocol):
     def skip(self, operations: int) -> None:
         """Skip the record up to that number of operations: they are void."""
         ...
+
+
+class Places:
+    """Numbers the places of a run's course, live as in a replay.
+
+    A case passes points, and waits, in a replay as it did live. After each of them time may go on by itself.
+
+    Args:
+        events: know their number.
+    """
+
+    def __init__(self, events: Course) -> None:
+        self._events = events
+        self._course = self._entered = 0
+
+    def here(self) -> Place:
+        """Return the present place."""
+        if self._course != self._events.course:
+            self._course, self._entered = self._events.course, 0
+        return Place(self._course, self._entered)
+
+    def enter(self) -> None:
+        """Come to the next point or wait of the case."""
+        self.here()
+        self._entered += 1
 
 
 class OnBench:
