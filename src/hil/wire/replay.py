@@ -51,7 +51,7 @@ DISTRESS = "distress"
 It sends the number of events as above, and why."""
 
 HOLD = "hold"
-"""The operation that marks entry into the hold state."""
+"""The operation that marks entry into the hold state; it sends its place."""
 
 HOLD_END = "hold-end"
 """The operation that marks release from the hold state."""
@@ -121,9 +121,9 @@ class Place(NamedTuple):
     ordinal: int
 
     @classmethod
-    def of(cls, mark: Operation) -> Place:
-        """Return the place of a mark."""
-        course, _, ordinal = mark.sent.partition(b" ")
+    def of(cls, sent: bytes) -> Place:
+        """Return the place that a mark sent."""
+        course, _, ordinal = sent.partition(b" ")
         return cls(int(course), int(ordinal or _ANYWHERE))
 
     @property
@@ -204,14 +204,16 @@ class Playback:
         found = self._next
         if found is None or found.name not in self._alike[name] or found.start_ns > latest_ns:
             return ""
-        if found.sent and Place.of(found) > place:
+        if found.sent and Place.of(found.sent) > place:
             return ""
         return self.take(found.device, found.name, found.sent).device
 
-    def comes(self, name: str, latest_ns: int) -> bool:
-        """Return whether this operation comes next in the record, no later than `latest_ns`."""
+    def comes(self, name: str, latest_ns: int, place: Place) -> bool:
+        """Return whether this operation comes next in the record, no later than `latest_ns`, and at this place."""
         found = self._next
-        return found is not None and found.name == name and found.start_ns <= latest_ns
+        if found is None or found.name != name or found.start_ns > latest_ns:
+            return False
+        return not found.sent or Place.of(found.sent) <= place
 
     def next_if(self, name: str) -> Operation | None:
         """Return the record's next operation if it has this name."""

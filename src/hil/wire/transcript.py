@@ -100,9 +100,10 @@ class Transcript:
         """Whether the file has operations that are yet to be repeated."""
         return bool(self._held)
 
-    def next_is(self, device: str, name: str) -> bool:
-        """Return whether this is the next operation to be repeated."""
-        return bool(self._held) and self._held.split("\t", 3)[1:3] == [device, name]
+    def sent_next(self, device: str, name: str) -> bytes | None:
+        """Return what the next operation to be repeated sent, None if it is not this one."""
+        fields = self._held.split("\t")
+        return bytes.fromhex(fields[5]) if fields[1:3] == [device, name] else None
 
     def note(
         self,

@@ -41,6 +41,7 @@ class Scheduler:
         self.clock, self.ending = clock, ending
         self.watching, self.deadline_ns, self.faults = True, 10_000_000_000, []
         self.seen = []
+        self.timeline = SimpleNamespace(mark_hold=lambda _: None)
         self.monitoring = SimpleNamespace(
             case=SimpleNamespace(fault=lambda instrument, fault: self.faults.append((instrument, fault)))
         )

@@ -347,6 +347,10 @@ class Record:
     def next_if(self, name: str) -> None:
         """Return that no such operation comes."""
 
+    def comes(self, name: str, latest_ns: int, place: object) -> bool:
+        """Return that no hold comes."""
+        return False
+
     def take_monitor(self, latest_ns: int, name: str, _place: object) -> str:
         """Take the turn that comes next, and return its limit."""
         if name != "monitor" or not self.turns or self.turns[0] > latest_ns:

@@ -85,7 +85,6 @@ class Driven:
         calls[key] = Call(output, operation, arguments, first_t)
 
 
-_BENCH = "bench"
 _PATIENCE_S = 0.05
 _LONGEST_APART_S = 5.0
 _LOOK_NS = 200_000_000
@@ -140,13 +139,16 @@ class Holding:
         if self._wanted is None or self._held:
             return
         asked, self._wanted = self._wanted, None
-        self._note(HOLD)
+        self._scheduler.timeline.mark_hold(HOLD)
         self._hold(asked)
 
     def hold_as_recorded(self) -> None:
         """Hold the bench where its record does; a resumed run killed during a hold is held again."""
-        if self._held or not self._scheduler.timeline.holds(HOLD):
-            return
+        if not self._held and self._scheduler.timeline.holds(HOLD):
+            self._hold_as_recorded()
+            self._scheduler.catch_up(to_event=False)  # perhaps to the next one
+
+    def _hold_as_recorded(self) -> None:
         began_ns, deadline_ns = self._scheduler.now_ns(), self._scheduler.deadline_ns
         self._held, self._scheduler.deadline_ns = True, None
         try:
@@ -237,7 +239,7 @@ class Holding:
             while self._released is None:
                 wall.pause(_PATIENCE_S)
                 self._scheduler.idle(held=True)
-            self._note(HOLD_END)
+            self._scheduler.timeline.mark_hold(HOLD_END)
             self._as_before()
             how = "released"
         finally:
@@ -262,10 +264,6 @@ class Holding:
         wrong = [f"{each.output} is not {each.state}: {each.detail}" for each in results if not each.ok]
         if wrong:
             self._flags.request(f"the bench, which did not reach its hold state: {wrong[0]}")
-
-    def _note(self, name: str) -> None:
-        now_ns = self._scheduler.now_ns()
-        self._bench.transcript.note(_BENCH, name, now_ns, now_ns)
 
     def _as_before(self) -> None:
         """Reissue what had been driven on the outputs of the hold state, in the order of the wiring."""

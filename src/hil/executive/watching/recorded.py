@@ -18,10 +18,9 @@ from hil.executive.watching.timeline import (
     Places,
     Timeline,
     held_up,
-    note,
 )
 from hil.model.errors import HilError
-from hil.wire.replay import BUSY, CLOCK, DISTRESS, Place, Playback
+from hil.wire.replay import BUSY, CLOCK, DISTRESS, HOLD, Place, Playback
 from hil.wire.transcript import Operation
 
 __all__ = ["OnRecord", "timeline_of"]
@@ -70,7 +69,7 @@ class OnRecord:
     def come(self) -> bool:
         """Catch up if the record did so at this very place; return whether it did."""
         found = self._playback.next_if(CLOCK)
-        if found is None or Place.of(found) != self.place:
+        if found is None or Place.of(found.sent) != self.place:
             return False
         self._pass(found)
         return True
@@ -86,7 +85,7 @@ class OnRecord:
             found = self._playback.next_if(CLOCK)
             if found is None:
                 return
-            place, here = Place.of(found), self.place
+            place, here = Place.of(found.sent), self.place
             if place.course > here.course or (place > here and not to_event):
                 return
             self._pass(found)
@@ -124,7 +123,7 @@ class OnRecord:
     def look_up_ns(self, when_ns: int, monitors: Sequence[Monitor]) -> int:
         """Return where the wait ends, or pauses, in the record."""
         del monitors
-        return self._playback.look_up_ns(when_ns)
+        return self._bench.clock.now_ns() if self.holds(HOLD) else self._playback.look_up_ns(when_ns)
 
     def longest_ns(self, when_ns: int) -> int:
         """Return `when_ns`: a record needs no attention."""
@@ -132,12 +131,12 @@ class OnRecord:
 
     def holds(self, name: str) -> bool:
         """Return whether this mark is next in the record."""
-        return self._playback.comes(name, self._bench.clock.now_ns())
+        return self._playback.comes(name, self._bench.clock.now_ns(), self.place)
 
     def mark_hold(self, name: str) -> None:
         """Take a mark of a hold from the record."""
-        self._playback.take(BENCH, name)
-        note(self._bench, name)
+        if (found := self._playback.next_if(name)) is not None:
+            self._pass(found)
 
     def host_gates(self, arming: int, freshness: Freshness) -> Iterator[tuple[Gate, bool]]:
         """Yield the gate that ended this arming in the record, if one did; it is on record already."""

@@ -131,7 +131,7 @@ class Scheduler:
 
     def in_ns(self, seconds: float) -> int:
         """Return the bench's time in `seconds`; a replay catches up before."""
-        self.catch_up(to_event=False)
+        self._arrive()
         return self.clock.now_ns() + round(seconds * NANOSECONDS)
 
     def point(self) -> None:
@@ -214,12 +214,14 @@ class Scheduler:
         self.catch_up()
 
     def catch_up(self, *, to_event: bool = True) -> None:
-        """Pass the points at which a replayed bench caught up in computations and questions; see `Timeline.marks`."""
+        """Pass where a replayed bench caught up, or was held, in computations and questions; see `Timeline.marks`."""
         for held_up in self.timeline.marks(to_event=to_event):
             if held_up is not None:
                 self._blame(held_up)
             elif self.watching:
                 self._take_due()
+        if self.timeline.retraces:
+            self._reports.hold_as_recorded()
 
     def busy(self, seconds: float) -> None:
         """Note that a case's own code left the bench unattended for this many seconds, with outputs on."""
@@ -289,15 +291,10 @@ class Scheduler:
             self._reports.lost(distress)
 
     def idle(self, *, held: bool = False) -> None:
-        """Pass a scheduling point that a replay passes only where the record has a mark of time that went on meanwhile.
-
-        Args:
-            held: whether the bench is held; otherwise a person is awaited. In this process a hold makes limits due.
-        """
+        """Pass a scheduling point while a person is awaited, or the bench is `held`: a replay has only marks of it."""
         self.standstill.excuse()
         with self.flags.undisturbed():
-            self.catch_up(to_event=False)
-            self._look()
+            self._arrive()
             if (self.timeline.come() or (held and not self._bench.outside)) and self.watching:
                 self._take_due()
 
@@ -341,11 +338,12 @@ class Scheduler:
 
     def _enter(self) -> None:
         """Begin a point or a wait of the case."""
+        self._arrive()
+        self.timeline.enter()
+
+    def _arrive(self) -> None:
         self.catch_up(to_event=False)
         self._look()
-        if self.timeline.retraces:
-            self.catch_up(to_event=False)  # after a hold
-        self.timeline.enter()
 
     def _look(self) -> None:
         if self.timeline.retraces:

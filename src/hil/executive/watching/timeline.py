@@ -237,12 +237,13 @@ class OnBench:
         return when_ns
 
     def holds(self, name: str) -> bool:
-        """Return whether the transcript of a resumed run has this mark next."""
-        return self._bench.transcript.next_is(BENCH, name)
+        """Return whether the transcript of a resumed run has this mark next, and here."""
+        sent = self._bench.transcript.sent_next(BENCH, name)
+        return sent is not None and (not sent or Place.of(sent) <= self.place)
 
     def mark_hold(self, name: str) -> None:
         """Note that a hold began or ended now."""
-        note(self._bench, name)
+        note(self._bench, name, self.place.sent)
 
     def host_gates(self, arming: int, freshness: Freshness) -> Iterator[tuple[Gate, bool]]:
         """Yield the gates of the machine."""
