@@ -54,7 +54,7 @@ HOLD = "hold"
 """The operation that marks entry into the hold state; it sends its place."""
 
 HOLD_END = "hold-end"
-"""The operation that marks release from the hold state."""
+"""The operation that marks release from the hold state; it sends its place, too."""
 
 MONITOR = "monitor"
 """The operation that marks a monitor's turn during a wait; its device is the monitor's limit.
@@ -89,7 +89,7 @@ _NOT_SPARING = 8
 """The last transcript format in which sensors were read more often than necessary."""
 
 _ANYWHERE = -1
-"""The ordinal in a place of the clock up to format 9, which told the number of events only."""
+"""What stands for a number that a mark did not send up to format 9: it is before every place."""
 
 _HEX_SHOWN = 48
 
@@ -114,7 +114,7 @@ class Place(NamedTuple):
 
     Attributes:
         course: the number of events of the run's own course before it.
-        ordinal: the number of points and waits since the last event that are not over by then.
+        ordinal: how many points and waits have begun since the last of these.
     """
 
     course: int
@@ -124,7 +124,7 @@ class Place(NamedTuple):
     def of(cls, sent: bytes) -> Place:
         """Return the place that a mark sent."""
         course, _, ordinal = sent.partition(b" ")
-        return cls(int(course), int(ordinal or _ANYWHERE))
+        return cls(int(course or _ANYWHERE), int(ordinal or _ANYWHERE))
 
     @property
     def sent(self) -> bytes:
@@ -201,19 +201,12 @@ class Playback:
             name: MONITOR in a wait, OVERDUE at a point.
             place: the last place at which it may come.
         """
-        found = self._next
-        if found is None or found.name not in self._alike[name] or found.start_ns > latest_ns:
-            return ""
-        if found.sent and Place.of(found.sent) > place:
-            return ""
-        return self.take(found.device, found.name, found.sent).device
+        found = self._next_here(self._alike[name], latest_ns, place)
+        return self.take(found.device, found.name, found.sent).device if found else ""
 
     def comes(self, name: str, latest_ns: int, place: Place) -> bool:
         """Return whether this operation comes next in the record, no later than `latest_ns`, and at this place."""
-        found = self._next
-        if found is None or found.name != name or found.start_ns > latest_ns:
-            return False
-        return not found.sent or Place.of(found.sent) <= place
+        return self._next_here({name}, latest_ns, place) is not None
 
     def next_if(self, name: str) -> Operation | None:
         """Return the record's next operation if it has this name."""
@@ -249,6 +242,11 @@ class Playback:
         error = Diverged(text)
         self.at_divergence(error)
         raise error
+
+    def _next_here(self, names: set[str], latest_ns: int, place: Place) -> Operation | None:
+        found = self._next
+        there = found is not None and found.name in names and found.start_ns <= latest_ns
+        return found if found and there and Place.of(found.sent) <= place else None
 
     def _difference(self, found: Operation, device: str, name: str, sent: bytes) -> str:
         offset = next((i for i, (a, b) in enumerate(zip(found.sent, sent, strict=False)) if a != b), 0)

@@ -38,12 +38,13 @@ _FORMATS = {
     f"hil/transcript/2 {_COLUMNS}": 2,
     f"hil/transcript/1\t{_COLUMNS}": 1,
 }
-"""Up to format 9 a monitor's turn did not tell its place. Up to format 8 sensors were read more often than is needed.
-Up to format 7 no sensor was asked for its name between samples. Up to format 6 recordings beside a case did not share
-the bus by plan, rows of roles that are sampled fed no limits, and no arming looked whether there is room for
-recordings. Up to format 5 none was refused for want of room, nor its rate and gap excused. Up to format 4 a question
-and its reply on a Modbus line were operations of their own. Up to format 3 rows of a stream did not wait for their
-limits. Format 2 gave a monitor's turn at a point the name of one in a wait, format 1 had a field more in its header."""
+"""Up to format 9 turns of monitors and holds did not tell their place. Up to format 8 sensors were read more often
+than is needed. Up to format 7 no sensor was asked for its name between samples. Up to format 6 recordings beside a
+case did not share the bus by plan, rows of roles that are sampled fed no limits, and no arming looked whether there
+is room for recordings. Up to format 5 none was refused for want of room, nor its rate and gap excused. Up to format 4
+a question and its reply on a Modbus line were operations of their own. Up to format 3 rows of a stream did not wait
+for their limits. Format 2 gave a monitor's turn at a point the name of one in a wait, format 1 had a field more in
+its header."""
 
 _FIELDS = 8
 _NUMBERS = frozenset({"sequence", "start_ns", "end_ns"})

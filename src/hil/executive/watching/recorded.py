@@ -10,15 +10,7 @@ from hil.bench.envelope import Monitor
 from hil.bench.gate import Gate
 from hil.executive.watching.ports import Distress, Freshness, Machine
 from hil.executive.watching.sharing import Bus
-from hil.executive.watching.timeline import (
-    BENCH,
-    Course,
-    OnBench,
-    OnLiveBench,
-    Places,
-    Timeline,
-    held_up,
-)
+from hil.executive.watching.timeline import BENCH, Course, OnBench, OnLiveBench, Places, Timeline, held_up
 from hil.model.errors import HilError
 from hil.wire.replay import BUSY, CLOCK, DISTRESS, HOLD, Place, Playback
 from hil.wire.transcript import Operation
@@ -135,8 +127,7 @@ class OnRecord:
 
     def mark_hold(self, name: str) -> None:
         """Take a mark of a hold from the record."""
-        if (found := self._playback.next_if(name)) is not None:
-            self._pass(found)
+        self._pass(self._playback.next_if(name) or self._playback.take(BENCH, name))  # diverges if it is not next
 
     def host_gates(self, arming: int, freshness: Freshness) -> Iterator[tuple[Gate, bool]]:
         """Yield the gate that ended this arming in the record, if one did; it is on record already."""

@@ -239,7 +239,7 @@ class OnBench:
     def holds(self, name: str) -> bool:
         """Return whether the transcript of a resumed run has this mark next, and here."""
         sent = self._bench.transcript.sent_next(BENCH, name)
-        return sent is not None and (not sent or Place.of(sent) <= self.place)
+        return sent is not None and Place.of(sent) <= self.place
 
     def mark_hold(self, name: str) -> None:
         """Note that a hold began or ended now."""
