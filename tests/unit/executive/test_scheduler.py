@@ -410,3 +410,16 @@ def test_an_urgent_stop_makes_safe_at_once():
     flags.request("SIGINT")
     refused(scheduled, 1)
     assert watch.told == ["safe"]
+
+
+def test_a_reading_before_a_recording_may_leave_no_room_for_another_one():
+    """The first limit could wait for a pause until the second one's reading has taken its time; then it goes before."""
+    clock, watch = VirtualClock(), Watch()
+    slow = monitor(clock, limit("slow", period=5.0, max_age=12.5), takes=0.3)
+    quick = monitor(clock, limit("quick", period=0.5, max_age=2.0), takes=0.07)
+    scheduled = scheduler(clock, slow, quick, watch=watch)
+    scheduled.sleep(2.0)
+    scheduled.sleep(0.9)
+    watch.readings.clear()
+    scheduled.share(Pace("rest", 100_000_000, 60_000_000, 50, None))
+    assert [name for name, _, _ in watch.readings] == ["quick", "slow"]
