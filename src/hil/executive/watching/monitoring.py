@@ -112,7 +112,7 @@ class Monitoring:
             return
         name = MONITOR if self._clock.now_ns() < until_ns else OVERDUE
         for monitor in timeline.due(self.all, until_ns, name, self.bus):
-            self._take(monitor, name, timeline.place)
+            self._take(monitor, name, timeline.places.here())
         self.soonest_ns = timeline.soonest_ns(self.all)
 
     def run_overdue(self, timeline: Timeline) -> None:
@@ -139,7 +139,7 @@ class Monitoring:
         while waiting:  # the time of one reading may leave no room for another, which then also goes before
             ahead, read = _Ahead(pace, monitors), []
             for monitor in timeline.due(waiting, self._clock.now_ns(), OVERDUE, ahead):
-                self._take(monitor, OVERDUE, timeline.place)
+                self._take(monitor, OVERDUE, timeline.places.here())
                 read.append(monitor)
             if not read:
                 break

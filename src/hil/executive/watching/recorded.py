@@ -40,8 +40,7 @@ class OnRecord:
         self._bench = bench
         self._playback = playback
         self._after = after
-        self._places = places
-        self.enter = places.enter
+        self.places = places
         self._not_opened = not_opened
         self.rows_wait = playback.rows_wait
         self.rows_together = not playback.in_parts
@@ -53,15 +52,10 @@ class OnRecord:
         """Return True: a record is retraced."""
         return True
 
-    @property
-    def place(self) -> Place:
-        """The present place in the run's course."""
-        return self._places.here()
-
     def come(self) -> bool:
         """Catch up if the record did so at this very place; return whether it did."""
         found = self._playback.next_if(CLOCK)
-        if found is None or Place.of(found.sent) != self.place:
+        if found is None or Place.of(found.sent) != self.places.here():
             return False
         self._pass(found)
         return True
@@ -77,7 +71,7 @@ class OnRecord:
             found = self._playback.next_if(CLOCK)
             if found is None:
                 return
-            place, here = Place.of(found.sent), self.place
+            place, here = Place.of(found.sent), self.places.here()
             if place.course > here.course or (place > here and not to_event):
                 return
             self._pass(found)
@@ -102,7 +96,7 @@ class OnRecord:
         """Yield the monitors that the record has here; those of a later wait are left for that one."""
         del bus
         clock = self._bench.clock
-        while limit := self._playback.take_monitor(max(until_ns - 1, clock.now_ns()), name, self.place):
+        while limit := self._playback.take_monitor(max(until_ns - 1, clock.now_ns()), name, self.places.here()):
             yield next(monitor for monitor in monitors if monitor.limit.id == limit)
 
     def soonest_ns(self, monitors: Sequence[Monitor]) -> int:
@@ -123,7 +117,7 @@ class OnRecord:
 
     def holds(self, name: str) -> bool:
         """Return whether this mark is next in the record."""
-        return self._playback.comes(name, self._bench.clock.now_ns(), self.place)
+        return self._playback.comes(name, self._bench.clock.now_ns(), self.places.here())
 
     def mark_hold(self, name: str) -> None:
         """Take a mark of a hold from the record."""
@@ -145,7 +139,7 @@ class OnRecord:
         if found is None:
             return b""
         number, _, told = found.sent.partition(b" ")
-        if int(number) > self._places.here().course:
+        if int(number) > self.places.here().course:
             return b""
         self._pass(found)
         return told

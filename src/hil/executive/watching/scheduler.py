@@ -339,7 +339,7 @@ class Scheduler:
     def _enter(self) -> None:
         """Begin a point or a wait of the case."""
         self._arrive()
-        self.timeline.enter()
+        self.timeline.places.enter()
 
     def _arrive(self) -> None:
         self.catch_up(to_event=False)

@@ -41,6 +41,31 @@ class Course(Protocol):
         ...
 
 
+class Places:
+    """Numbers the places of a run's course, live as in a replay.
+
+    A case passes points, and waits, in a replay as it did live. After each of them time may go on by itself.
+
+    Args:
+        events: know their number.
+    """
+
+    def __init__(self, events: Course) -> None:
+        self._events = events
+        self._course = self._entered = 0
+
+    def here(self) -> Place:
+        """Return the present place."""
+        if self._course != self._events.course:
+            self._course, self._entered = self._events.course, 0
+        return Place(self._course, self._entered)
+
+    def enter(self) -> None:
+        """Come to the next point or wait of the case."""
+        self.here()
+        self._entered += 1
+
+
 class Timeline(Protocol):
     """Decides when monitors take turns, time advances by itself, and a hold begins, and which gates a machine has.
 
@@ -48,6 +73,7 @@ class Timeline(Protocol):
         rows_wait: whether rows of streams wait as long as the limits that they feed allow.
         rows_together: whether waiting rows are fetched when limits take their turns.
         shared: whether recordings share the bus by plan, and a disturbance is not held against the article.
+        places: number where the run is.
         all_share: whether those beside a case do, too, rows of sampled roles feed limits, and the first arming checks
             whether there is room.
     """
@@ -56,19 +82,11 @@ class Timeline(Protocol):
     rows_together: bool
     shared: bool
     all_share: bool
+    places: Places
 
     @property
     def retraces(self) -> bool:
         """Whether what happens now is already on record."""
-        ...
-
-    @property
-    def place(self) -> Place:
-        """The present place in the run's course."""
-        ...
-
-    def enter(self) -> None:
-        """Begin a point or a wait of the case."""
         ...
 
     def come(self) -> bool:
@@ -132,31 +150,6 @@ class Timeline(Protocol):
         ...
 
 
-class Places:
-    """Numbers the places of a run's course, live as in a replay.
-
-    A case passes points, and waits, in a replay as it did live. After each of them time may go on by itself.
-
-    Args:
-        events: know their number.
-    """
-
-    def __init__(self, events: Course) -> None:
-        self._events = events
-        self._course = self._entered = 0
-
-    def here(self) -> Place:
-        """Return the present place."""
-        if self._course != self._events.course:
-            self._course, self._entered = self._events.course, 0
-        return Place(self._course, self._entered)
-
-    def enter(self) -> None:
-        """Come to the next point or wait of the case."""
-        self.here()
-        self._entered += 1
-
-
 class OnBench:
     """The timeline of a bench in this process: its clock decides the turns.
 
@@ -172,18 +165,12 @@ class OnBench:
         self._bench = bench
         self._clock = bench.clock
         self._machine = machine
-        self._places = places
-        self.enter = places.enter
+        self.places = places
 
     @property
     def retraces(self) -> bool:
         """Whether a resumed run that is re-executed from its first step has operations left to retrace."""
         return self._bench.transcript.comes_again
-
-    @property
-    def place(self) -> Place:
-        """The present place in the run's course."""
-        return self._places.here()
 
     def come(self) -> bool:
         """Return False: this bench is always at its present."""
@@ -239,11 +226,11 @@ class OnBench:
     def holds(self, name: str) -> bool:
         """Return whether the transcript of a resumed run has this mark next, and here."""
         sent = self._bench.transcript.sent_next(BENCH, name)
-        return sent is not None and Place.of(sent) <= self.place
+        return sent is not None and Place.of(sent) <= self.places.here()
 
     def mark_hold(self, name: str) -> None:
         """Note that a hold began or ended now."""
-        note(self._bench, name, self.place.sent)
+        note(self._bench, name, self.places.here().sent)
 
     def host_gates(self, arming: int, freshness: Freshness) -> Iterator[tuple[Gate, bool]]:
         """Yield the gates of the machine."""
@@ -277,7 +264,7 @@ class OnLiveBench(OnBench):
         if live.lag_ns() <= _LAG_NS:
             return False
         began_ns = live.now_ns()
-        self._bench.transcript.note(BENCH, CLOCK, began_ns, live.look(), sent=self.place.sent)
+        self._bench.transcript.note(BENCH, CLOCK, began_ns, live.look(), sent=self.places.here().sent)
         return True
 
     def distress(self) -> Distress | None:
@@ -286,7 +273,7 @@ class OnLiveBench(OnBench):
         What trips the bench for good does so in a replay, too. A loss that leaves the run resumable is not replayed.
         """
         if (found := self._machine.distress()) and not found.what:
-            note(self._bench, DISTRESS, f"{self.place.course} {found.text}".encode())
+            note(self._bench, DISTRESS, f"{self.places.here().course} {found.text}".encode())
         return found
 
     def busy(self, seconds: float) -> HilError | None:
@@ -297,7 +284,7 @@ class OnLiveBench(OnBench):
         if seconds <= LONGEST_TRANSACTION:
             return None
         told = f"{seconds:.2f}"
-        note(self._bench, BUSY, f"{self.place.course} {told}".encode())
+        note(self._bench, BUSY, f"{self.places.here().course} {told}".encode())
         return held_up(told)
 
     def longest_ns(self, when_ns: int) -> int:
