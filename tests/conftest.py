@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import signal
 import sys
 from pathlib import Path
 
@@ -68,6 +69,20 @@ def _no_index_outside(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr("hil.evidence.index.cache_folder", lambda kind: tmp_path_factory.getbasetemp() / kind)
         yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _heard_by_children():
+    """Let what tests start hear requests to end, also under `nohup` and in the background of a script.
+
+    An ignored signal stays ignored in every process that is started, a caught one does not.
+    """
+    ignored = [each for each in (signal.SIGINT, signal.SIGHUP) if signal.getsignal(each) is signal.SIG_IGN]
+    for each in ignored:
+        signal.signal(each, lambda *_: None)
+    yield
+    for each in ignored:
+        signal.signal(each, signal.SIG_IGN)
 
 
 def pytest_collection_finish():
