@@ -155,7 +155,7 @@ def test_a_loss_that_a_flag_tells_for_ever_ends_the_stream(chip, kind):
 
 
 @BOARD
-def test_an_overflow_behind_a_busy_board_is_placed_by_the_sensors_own_counter(chip):
+def test_an_overflow_while_the_board_is_busy_is_placed_by_the_sensors_own_counter(chip):
     """A turn that comes 0.3 s late finds other packets than those up to the watermark."""
     bench = Bench(chip, board=True, settings={"rate": "1000"})
     bench.bus.delay_ns = {2: 3 * SECOND // 10}

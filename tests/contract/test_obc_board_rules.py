@@ -57,7 +57,7 @@ def test_the_same_bytes_again_are_not_executed_twice():
     assert under.sensor.written == [b"\x4e\x0f"]
 
 
-def test_the_reply_to_a_repetition_stands_behind_a_delimiter():
+def test_the_reply_to_a_repetition_follows_a_delimiter():
     """Whatever was cut before it does not cost it too; a first reply has none."""
     under = BoardUnderTest()
     for kind, payload in ((I2C, writing(b"\x4e")), (IDENTIFY, b"")):

@@ -32,7 +32,7 @@ def test_temperature_is_zero_at_25_degrees():
         assert int.from_bytes(twin.burst(0xAE, 2), "little", signed=True) == reading
 
 
-def test_temperature_cannot_be_read_behind_the_axes():
+def test_temperature_cannot_be_read_after_the_axes():
     """The published trap: the burst of eight from 28h gives X where the temperature was expected."""
     twin = Twin(coil={"ambient": "30"})
     twin.wake_sensor()

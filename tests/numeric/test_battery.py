@@ -182,8 +182,8 @@ def test_one_lost_reading_of_zero_makes_no_rest():
 def test_gaps_are_bridged_within_a_step_and_not_across():
     """A gap within a charge is bridged and told; one from charge to discharge makes the cycle incomplete."""
     time, voltage, current = cell.cycle(5.0)
-    amid = (time > 1000.0) & (time < 2000.0)
-    (only,) = cycles(series(*(each[~amid] for each in (time, voltage, current))), LIMITS)
+    middle = (time > 1000.0) & (time < 2000.0)
+    (only,) = cycles(series(*(each[~middle] for each in (time, voltage, current))), LIMITS)
     assert only.complete
     assert only.charge.gaps == 1
     assert only.charge.bridged_charge == pytest.approx(0.7 * 1000.0 / 3600.0, rel=0.02)

@@ -78,8 +78,8 @@ def test_a_block_is_judged_as_its_rows_one_by_one(rows, cuts, low, high, debounc
     assert told(single, tripped) == expected
 
 
-@given(rows=ROWS, cuts=st.sets(st.integers(1, 39)), low=BOUND, debounce=st.integers(1, 4), behind=STEPS)
-def test_few_rows_are_judged_as_many(rows, cuts, low, debounce, behind):
+@given(rows=ROWS, cuts=st.sets(st.integers(1, 39)), low=BOUND, debounce=st.integers(1, 4), later=STEPS)
+def test_few_rows_are_judged_as_many(rows, cuts, low, debounce, later):
     """Plain numbers or an array, good or not, several limits at once: the same trip, and the same is left."""
     when = np.cumsum([step for step, _ in rows], dtype=np.int64)
     block = np.column_stack((when / NANOSECONDS, [value for _, value in rows], np.zeros(len(rows))))
@@ -87,7 +87,7 @@ def test_few_rows_are_judged_as_many(rows, cuts, low, debounce, behind):
     monitors = [Monitor(spec, lambda: Figure(value=0.0, unit="V"), 0) for _ in range(4)]
     few, many = (Feed(list(enumerate(pair, start=1)), 1.0, "r") for pair in (monitors[:2], monitors[2:]))
     for first, end in pairwise([0, *sorted(cut for cut in cuts if cut < len(rows)), len(rows)]):
-        now_ns = int(when[end - 1]) + behind
+        now_ns = int(when[end - 1]) + later
         trips = few.judge(block[first:end].tolist(), now_ns), many.judge(block[first:end], now_ns)
         assert repr(trips[0]) == repr(trips[1])
         if trips[0]:

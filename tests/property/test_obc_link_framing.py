@@ -25,7 +25,7 @@ def test_what_is_stuffed_comes_back(data):
 
 
 @given(st.builds(lambda times, byte: bytes((byte,)) * 254 * times, st.integers(1, 4), st.integers(1, 255)))
-def test_a_final_code_behind_a_full_block_is_allowed(data):
+def test_a_final_code_after_a_full_block_is_allowed(data):
     """A receiver takes a frame that ends with a full block with or without a final 01."""
     assert unstuff(stuff(data) + b"\x01") == data
 
@@ -49,7 +49,7 @@ def test_frames_come_back(kind, sequence, payload):
 
 
 @given(st.binary(max_size=3000), st.lists(st.integers(1, 500), min_size=1))
-def test_garbage_costs_no_frame_behind_its_delimiter(garbage, sizes):
+def test_garbage_costs_no_frame_after_its_delimiter(garbage, sizes):
     """After any garbage the next zero brings the reader back, in whatever pieces the bytes come."""
     line = garbage + b"\0" + seal(0x40, 0, b"whole") + seal(0x41, 7, b"")
     reader = FrameReader()

@@ -56,8 +56,8 @@ def require_sealed_without_arming(run, ended):
     package = Package(run.folder)
     assert verify(run.folder).findings == ()
     assert results_as_json(package)["verdict"] == "PASS"
-    behind = bodies(package, "resumed")[-1]
-    kinds = [line.event.kind() for line in package.lines() if line.event.seq > behind["seq"]]
+    resumed = bodies(package, "resumed")[-1]
+    kinds = [line.event.kind() for line in package.lines() if line.event.seq > resumed["seq"]]
     assert not {"armed", "gate", "host-gate", "rest", "drive"} & set(kinds)
     watched = [event["ok"] for event in bodies(package, "safe") if event["state"] == "watched"]
     assert watched == [True, True]
@@ -86,7 +86,7 @@ def rows_of(package):
 
 
 @pytest.mark.soak
-def test_killed_in_the_watch_behind_its_end(tmp_path, bench):
+def test_killed_in_the_watch_after_its_end(tmp_path, bench):
     """What was read until then is in the package, in its place; the watch is made again after it."""
     with running(bench, without_git(live_workspace(tmp_path / "w", FOR_A_WHILE, WATCH))) as run:
         kept = killed_in_the_watch(run)

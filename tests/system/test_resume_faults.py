@@ -137,7 +137,7 @@ def test_a_run_that_was_stopped_twice_to_be_resumed_goes_on(workspace):
 
 
 @pytest.mark.timeout(360)
-def test_a_run_that_was_killed_on_its_way_to_the_safe_state_is_entered_behind_it(workspace):
+def test_a_run_that_was_killed_on_its_way_to_the_safe_state_is_entered_after_it(workspace):
     """Its last checkpoint is from before the turn that is entered; recorded time goes forward all the same."""
     folder = begun(workspace, 3)
     while not (folder / "checkpoint.json").exists():

@@ -191,7 +191,7 @@ def test_a_welded_relay_is_no_cut_path():
         assert gate.detail.endswith("it does not cut supply.charge off; check for a welded contact and the wiring")
 
 
-def test_nothing_more_is_tried_behind_a_path_that_does_not_cut():
+def test_nothing_more_is_tried_after_a_path_that_does_not_cut():
     """The arming ends there: no gate of the envelope comes after it."""
     own = {"voltage": "battery.voltage", "current": "battery.current", "temperature": "battery.temperature"}
     contacts = {"charge": "battery.charge_contact", "discharge": "battery.discharge_contact"}

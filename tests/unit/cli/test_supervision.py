@@ -31,7 +31,7 @@ def test_what_is_said_of_a_killed_run_begins_a_line(monkeypatch, capsys, stream,
     assert capsys.readouterr().err.startswith("hil: the process of the run was ended by SIGKILL")
 
 
-def test_nothing_is_added_behind_a_run_that_ended_by_itself(monkeypatch):
+def test_nothing_is_added_after_a_run_that_ended_by_itself(monkeypatch):
     """It has taken its line away."""
     monkeypatch.setattr(sys, "stdout", shown := Terminal())
     assert supervision._believed(0, {"ended": (1, "")}) == 1

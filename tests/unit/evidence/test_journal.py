@@ -210,7 +210,7 @@ def test_an_endless_line_is_not_held_in_memory(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("size", [1, 3_000_000])
 def test_a_torn_tail_of_any_length_is_cut(tmp_path, size):
-    """What stands behind the last newline is kept, and the lines before it are whole."""
+    """What stands after the last newline is kept, and the lines before it are whole."""
     (tmp_path / "data").mkdir()
     with Journal(tmp_path / "data/journal.jsonl", stamp=stamps()) as journal:
         journal.write(event_of("note", text="whole"), 0.0)

@@ -100,12 +100,12 @@ def test_a_killed_run_goes_on_where_it_was(tmp_path):
 CUT = [("effect", {"effect": "waits", "raised": "Stopped"})]
 STOPPED = [("case-end", {"case": "a", "verdict": "ABORTED", "reasons": ["stopped by disk full"]})]
 GAP = [("anomaly", {"text": "disk full: 3 events before this one could not be written"})]
-BEHIND = [("anomaly", {"text": "disk full: operations before this event could not be written"})]
+UNWRITTEN = [("anomaly", {"text": "disk full: operations before this event could not be written"})]
 NEXT = [("step", {"number": "3", "turn": 3})]
 
 
 @pytest.mark.parametrize("stop", [[], STOP], ids=["without stop", "stop"])
-@pytest.mark.parametrize("ending", [CUT, STOPPED, GAP, BEHIND], ids=["cut", "aborted", "gap", "behind"])
+@pytest.mark.parametrize("ending", [CUT, STOPPED, GAP, UNWRITTEN], ids=["cut", "aborted", "gap", "unwritten"])
 def test_a_run_is_not_entered_past_its_end(tmp_path, ending, stop):
     """A case hears of a stop before the journal does, and a full disk leaves events out; nothing retraces that."""
     assert find_earlier(folder_of(tmp_path, TURN, ending, NEXT, stop)).boundary.sequence == 7
@@ -200,13 +200,13 @@ def test_a_run_that_was_killed_is_not_said_to_have_been_stopped(tmp_path, monkey
     """The stop after which it had gone on before is void: it was interrupted this time."""
     monkeypatch.setitem(HEAD_OF, "run", LIVE)
     folder = folder_of(tmp_path, CASE, STOP)
-    for behind in (TURN[len(CASE) :], []):
+    for following in (TURN[len(CASE) :], []):
         found = find_earlier(folder)
         at, last = found.boundary, found.lines[-1].event.seq
         entry = Entry(place=at.place, boundary=at.sequence, void_to=last, operations=5, number=1, rows=(), kept="")
         with Journal(folder / "data/journal.jsonl") as journal:
             Resumption(found, journal).resume(99.0, entry)
-            for kind, fields in behind:
+            for kind, fields in following:
                 journal.write(event_of(kind, **fields), 99.0)
     events = bodies(read_journal(folder / "data/journal.jsonl"))
     told = [event["text"].partition(",")[0] for event in events if event["kind"] == "resumed"]

@@ -136,7 +136,7 @@ def test_a_look_is_no_scheduling_point_of_the_case(monkeypatch):
     monkeypatch.setattr("hil.clock.wall.monotonic", lambda: now[0])
     flags = StopFlags()
 
-    def amid(alone_s, silent_s):
+    def attend(alone_s, silent_s):
         told.append((alone_s, silent_s))
         with flags.undisturbed():
             now[0] += 0.5
@@ -144,13 +144,13 @@ def test_a_look_is_no_scheduling_point_of_the_case(monkeypatch):
     with flags.case_code():
         for _ in range(3):
             now[0] += 1.0
-            flags.interlude(amid)
+            flags.interlude(attend)
         with flags.undisturbed():
             pass
         now[0] += 1.0
-        flags.interlude(amid)
+        flags.interlude(attend)
         with flags.undisturbed():
-            flags.interlude(amid)
+            flags.interlude(attend)
     assert told == [(1.0, 1.0), (1.0, 2.5), (1.0, 4.0), (1.0, 1.0)]
 
 

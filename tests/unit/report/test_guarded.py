@@ -59,7 +59,7 @@ def test_it_stands_before_what_became_of_the_run():
     ]
 
 
-def test_it_does_not_stand_before_a_resumption_behind_a_stop():
+def test_it_does_not_stand_before_a_resumption_after_a_stop():
     """A run that was stopped with its bench safe, and died later: nobody had anything to acknowledge at first."""
     resumed = {"kind": "resumed", "t": 1.0, "text": "went on", "seconds": 1.0}
     said = {"kind": "acknowledged", "t": 2.0, "text": "all is off", "by": "Ada"}

@@ -484,8 +484,8 @@ def test_narrow_screens_and_paper_are_foreseen(html):
     tables = [attrs.get("class") for tag, attrs in Page(html).tags if tag == "table"]
     assert all("stack" in table for table in tables)
     assert "@media screen and (max-width: 40rem)" in html
-    behind = html[html.index("Software and digests</h2>") :]
-    assert behind.index('class="digest"') < behind.index('class="lines small"')
+    after = html[html.index("Software and digests</h2>") :]
+    assert after.index('class="digest"') < after.index('class="lines small"')
 
 
 def test_a_good_run_has_nothing_to_explain(tmp_path):

@@ -23,8 +23,8 @@ def told(*events):
 
 def test_one_arming_needs_no_title():
     """Also of a simulated run that went on in its arming, where it had been killed."""
-    amid = {"kind": "resumed", "t": 1.0}
-    assert told(gate(1.0, "a"), amid, gate(1.5, "b"), ARMED) == [("", ["a", "b"])]
+    resumed = {"kind": "resumed", "t": 1.0}
+    assert told(gate(1.0, "a"), resumed, gate(1.5, "b"), ARMED) == [("", ["a", "b"])]
     assert told(ARMED) == []
 
 

@@ -28,7 +28,7 @@ def test_times_are_linear_between_watermarks():
     assert fourth[1] - fourth[0] == pytest.approx(0.0099)
 
 
-def test_a_span_behind_a_lost_one_stands_before_its_own_instant():
+def test_a_span_after_a_lost_one_stands_before_its_own_instant():
     """Its period is the last one known."""
     line = Timeline(0.01)
     line.place(span(0, 0.5))
