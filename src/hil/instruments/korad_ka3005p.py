@@ -108,7 +108,7 @@ class KoradOutput:
             raise Rejected(
                 self._connection.device,
                 f"{self._name} was switched on and is off",
-                "check the supply's display: a protection that trips at its setting may have acted",
+                "check the supply's display: a protection may have tripped at its setting, or a command was lost",
             )
 
     @drives

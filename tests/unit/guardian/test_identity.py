@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import os
+import time
 
 import pytest
 
-from hil.guardian.ports.identity import found, identity_of
+from hil.guardian.ports.identity import found, identity_of, require_not_reused
 
 
 @pytest.fixture
@@ -95,3 +96,24 @@ def test_each_port_of_one_adapter_is_known(tmp_path, terminal):
     (usb / "bInterfaceNumber").write_text("00\n")
     (usb / "ttyUSB0" / "port_number").write_text("1\n")
     assert identity_of(near, system) == ("0403", "6011", "X", "port 1", "interface 00")
+
+
+def test_a_terminal_that_was_opened_after_its_link_belongs_to_another_program(tmp_path, terminal):
+    """A killed server leaves its links, and the kernel gives their numbers to whoever asks next."""
+    _, path = terminal
+    link = tmp_path / "psu"
+    link.symlink_to(path)
+    require_not_reused(str(link))
+    an_hour_ago = time.time() - 3600.0
+    os.utime(link, (an_hour_ago, an_hour_ago), follow_symlinks=False)
+    with pytest.raises(OSError, match="psu leads to a terminal that another program has opened since"):
+        require_not_reused(str(link))
+    require_not_reused(path)
+
+
+def test_the_age_of_a_link_to_a_device_means_nothing(tmp_path):
+    """Who may read a device is changed long after the system made its links."""
+    link = tmp_path / "uart"
+    link.symlink_to("/dev/null")
+    os.utime(link, (0.0, 0.0), follow_symlinks=False)
+    require_not_reused(str(link))

@@ -162,6 +162,21 @@ def test_another_device_under_the_name_of_one_that_is_gone_gets_no_byte(tmp_path
     assert other.heard == []
 
 
+def test_the_terminal_of_another_program_gets_no_byte(tmp_path, stack):
+    """A served bench that was killed leaves a link, which may lead to another bench by now, or to a person's shell."""
+    killed, other = Instrument(), Instrument()
+    stack.callback(other.close)
+    link = tmp_path / "link"
+    link.symlink_to(other.url)
+    os.utime(link, (0.0, 0.0), follow_symlinks=False)
+    worker = PortWorker(GuardedPort(device="psu", url=str(link)), os.dup(killed.near))
+    killed.close()
+    outputs = Outputs(plan_of(tmp_path, output_of("one", "psu")), {"psu": worker}, lambda: None)
+    outputs.first_pass()
+    assert "another program has opened since" in outputs.round()["one"].detail
+    assert other.heard == []
+
+
 class Flapping:
     """Outputs whose proofs read another number each time, until they are proven after so many turns."""
 

@@ -1,4 +1,4 @@
-"""Identity of the USB device behind a terminal: after a replug, another device may have its name."""
+"""Identity of what is behind a terminal: after a replug, another device or program may have its name."""
 
 from __future__ import annotations
 
@@ -9,13 +9,15 @@ from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 
-__all__ = ["Identity", "found", "identity_of"]
+__all__ = ["Identity", "found", "identity_of", "is_pseudo_terminal", "require_not_reused"]
 
 Identity = tuple[str, ...]
 
 _PARTS = (("port", "port_number"), ("interface", "bInterfaceNumber"))
 _SYSTEM = Path("/sys/dev/char")
 _TERMINALS = Path("/sys/class/tty")
+_PSEUDO_TERMINALS = range(136, 144)  # majors of their far sides, Documentation/admin-guide/devices.txt of Linux
+_ROUNDED_S = 1.0  # by file systems that keep times in whole seconds
 
 
 def identity_of(what: int | str, system: Path = _SYSTEM) -> Identity | None:
@@ -65,6 +67,25 @@ def found(expected: Identity, path: str, others: Iterable[str] | None = None, sy
     if places:
         raise OSError(errno.ENODEV, f"{wanted} is at {' and at '.join(places)}")
     raise OSError(errno.ENODEV, f"{path} is {' '.join(there or ('no USB device',))} now, not {wanted}")
+
+
+def is_pseudo_terminal(status: os.stat_result) -> bool:
+    """Return whether this is the state of a pseudo-terminal, which drives nothing real."""
+    return os.major(status.st_rdev) in _PSEUDO_TERMINALS
+
+
+def require_not_reused(path: str) -> None:
+    """Refuse a pseudo-terminal that is younger than the link to it, which a killed program left behind.
+
+    A served bench makes its links after its pseudo-terminals. Once it was killed, the kernel gives their numbers to
+    others: another bench, or a person's shell.
+
+    Raises:
+        OSError: if it is younger, or there is none.
+    """
+    there, link = os.stat(path), os.lstat(path)  # noqa: PTH116 - given as text
+    if is_pseudo_terminal(there) and there.st_ctime > link.st_mtime + _ROUNDED_S:
+        raise OSError(errno.ENODEV, f"{path} leads to a terminal that another program has opened since")
 
 
 def _identity_at(path: str, system: Path) -> Identity | None:

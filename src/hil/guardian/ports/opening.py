@@ -14,6 +14,7 @@ from threading import Event
 from hil.guardian.ports.connection import connected
 from hil.guardian.ports.hislip import HISLIP_PORT, HiSlip
 from hil.guardian.ports.hosted import connected_to
+from hil.guardian.ports.identity import is_pseudo_terminal
 from hil.guardian.ports.line import Line
 from hil.guardian.ports.messages import MessageLine, Messenger
 from hil.guardian.ports.telnet import TelnetLine
@@ -37,7 +38,6 @@ _PARITY = {
 _DATA_BITS = {5: termios.CS5, 6: termios.CS6, 7: termios.CS7, 8: termios.CS8}
 _FRAME = termios.CSIZE | termios.PARENB | termios.PARODD | _STICKY_PARITY | termios.CSTOPB | termios.CRTSCTS
 _NOT_TAKEN = "it does not take the settings of serial_line"
-_PSEUDO_TERMINALS = range(136, 144)  # majors of their far sides, Documentation/admin-guide/devices.txt of Linux
 _SET_RS485 = 0x542F  # TIOCSRS485 of asm-generic/ioctls.h
 
 
@@ -109,7 +109,7 @@ def keep_alone(descriptor: int) -> None:
 
     A pseudo-terminal is left as it is: it drives nothing real.
     """
-    if os.major(os.fstat(descriptor).st_rdev) not in _PSEUDO_TERMINALS:
+    if not is_pseudo_terminal(os.fstat(descriptor)):
         fcntl.ioctl(descriptor, termios.TIOCEXCL)
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from threading import Event
 
 from hil.guardian.ports.dialogue import Dialogue, Patience
-from hil.guardian.ports.identity import Identity, found, identity_of
+from hil.guardian.ports.identity import Identity, found, identity_of, require_not_reused
 from hil.guardian.ports.line import Gone, Interrupted
 from hil.guardian.ports.opening import let_others_open, line_on, opened
 from hil.model.safing import Exchange, GuardedPort, SafeBytes
@@ -148,6 +148,8 @@ class PortWorker:
         port = self.port
         if self._identity is not None and "://" not in port.url:
             port = replace(port, url=found(self._identity, port.url))
+        elif "://" not in port.url:
+            require_not_reused(port.url)
         talk = Dialogue(opened(port, self._interrupt))
         try:
             if self._who and code.who is not None and "://" in port.url:
