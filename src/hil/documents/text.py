@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import unicodedata
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,9 +21,11 @@ __all__ = [
     "is_there",
     "name_problem",
     "named_wrongly",
+    "one_line",
     "read_bytes",
     "require_name",
     "visible",
+    "writable",
 ]
 
 MOST_BYTES = 5_000_000
@@ -41,6 +44,8 @@ _HIDDEN = re.compile(
     f"{_REORDERING}\ud800-\udfff]"
 )
 _UNSAFE = re.compile(f"[\x00-\x08\x0b-\x1f\x7f-\x9f{_REORDERING}]")
+_CONTROLS = frozenset({"Cc", "Cs"})
+"""Unicode categories of control characters, and of Python's surrogates for bytes that are not UTF-8."""
 
 
 def hidden_character(text: str) -> re.Match[str] | None:
@@ -61,6 +66,25 @@ def visible(text: str) -> str:
     if text.isascii() and text.isprintable():
         return text
     return _UNSAFE.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
+
+
+def writable(text: str) -> str:
+    """Return a text in which whatever would move a cursor, clear a screen or fail to be encoded is escaped.
+
+    Line ends are kept.
+    """
+    if text.isascii() and text.isprintable():
+        return text
+    return "".join(each if each == "\n" or unicodedata.category(each) not in _CONTROLS else _out(each) for each in text)
+
+
+def one_line(text: str) -> str:
+    """Return the same with line ends escaped, too, for text on a line of its own."""
+    return writable(text).replace("\n", "\\n")
+
+
+def _out(character: str) -> str:
+    return character.encode("unicode_escape").decode("ascii")
 
 
 def name_problem(name: object, *, file: bool = False) -> str:

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import cast
 
+from hil.documents.text import writable
 from hil.evidence import events
 from hil.evidence.attempts import Abandoned
 from hil.evidence.events import EventSink
@@ -19,7 +20,7 @@ from hil.executive.cases.escapes import Escapes, OfThisProcess
 from hil.executive.cases.operator import Operator
 from hil.executive.cases.recorder import Recorder
 from hil.executive.cases.recording import data_checks, provenance_of, recorded_as
-from hil.executive.cases.steps import Steps, writable
+from hil.executive.cases.steps import Steps
 from hil.executive.ending.stop import Stopped
 from hil.executive.setup.head import PlannedCase
 from hil.executive.watching.scheduler import CaseTimeout, Scheduler

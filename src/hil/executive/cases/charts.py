@@ -7,10 +7,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from hil.documents.suggest import did_you_mean
+from hil.documents.text import one_line
 from hil.evidence import events
 from hil.evidence.events import EventSink
 from hil.executive.cases.escapes import OfThisProcess
-from hil.executive.cases.steps import Steps, one_line
+from hil.executive.cases.steps import Steps
 from hil.model.errors import Misused
 from hil.model.figure import Figure
 from hil.requirements.requirement import Requirement

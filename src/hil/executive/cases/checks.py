@@ -7,13 +7,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from hil.documents.suggest import did_you_mean
+from hil.documents.text import one_line
 from hil.evidence import events
 from hil.evidence.events import EventSink
 from hil.executive.cases.certificate import standard_uncertainty, uncovered
 from hil.executive.cases.escapes import OfThisProcess
 from hil.executive.cases.facade import Facade
 from hil.executive.cases.given import given
-from hil.executive.cases.steps import Steps, one_line
+from hil.executive.cases.steps import Steps
 from hil.model.errors import HilError, Misused
 from hil.model.figure import Figure
 from hil.model.provenance import Provenance, merged

@@ -3,39 +3,16 @@
 from __future__ import annotations
 
 import re
-import unicodedata
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import Literal
 
+from hil.documents.text import one_line
 from hil.evidence import events
 from hil.evidence.events import EventSink
 from hil.executive.cases.escapes import OfThisProcess
 
-__all__ = ["Steps", "file_part", "one_line", "writable"]
-
-_CONTROLS = frozenset({"Cc", "Cs"})
-"""Unicode categories of control characters, and of Python's surrogates for bytes that are not UTF-8."""
-
-
-def writable(text: str) -> str:
-    """Return a text in which whatever would move a cursor, clear a screen or fail to be encoded is escaped.
-
-    Line ends are kept.
-    """
-    if text.isascii() and text.isprintable():
-        return text
-    return "".join(each if each == "\n" or unicodedata.category(each) not in _CONTROLS else _out(each) for each in text)
-
-
-def one_line(text: str) -> str:
-    """Return the same with line ends escaped, too, for text on a line of its own."""
-    return writable(text).replace("\n", "\\n")
-
-
-def _out(character: str) -> str:
-    return character.encode("unicode_escape").decode("ascii")
-
+__all__ = ["Steps", "file_part"]
 
 Outcome = Literal["done", "raised"]
 

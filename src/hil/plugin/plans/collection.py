@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import pytest
 
 from hil.documents.suggest import did_you_mean
-from hil.executive.cases.steps import one_line
+from hil.documents.text import one_line
 from hil.executive.setup.configuration import Configuration, Request
 from hil.executive.setup.head import LEFT_OUT, PlannedCase
 from hil.model.errors import ConfigurationError, Finding, Refused

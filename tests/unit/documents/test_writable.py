@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from hil.executive.cases.steps import one_line, writable
+from hil.documents.text import one_line, writable
 
 
 @pytest.mark.parametrize("text", ["", "Charge at 40 °C", "12\u202f500 µV", "Batterie prüfen", "電池"])
