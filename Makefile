@@ -3,9 +3,9 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.set-up
-# The tests of a file start on one core, because they share fixtures; an idle core takes over tests of another.
+# The tests of a file start on one worker, because they share fixtures; an idle one takes over tests of another.
 SHARED := --numprocesses auto --dist worksteal
-# Whole runs wait as well, for disks and for each other's processes: half a worker more for each core.
+# Many tests wait, for disks and for each other's processes: half a worker more for each core.
 CORES := $(shell getconf _NPROCESSORS_ONLN)
 RUNS := --numprocesses $(shell expr $(CORES) + $(CORES) / 2) --dist worksteal
 # Tests of live timing mostly wait: each takes an eighth of a core. Those of a soak try again what a busy core delayed.
@@ -34,7 +34,7 @@ run: setup
 
 # Every rule once, in two minutes on two cores. Sweeps and random tests run a sample; what costs is timed by `.ci/run`.
 test: setup
-	$(BIN)/python -m pytest -m "not system" --ignore tests/bench $(SHARED)
+	$(BIN)/python -m pytest -m "not system" --ignore tests/bench $(RUNS)
 
 # A sample of whole campaigns and runs, and statistics of many trials. Tests of live timing run last.
 system: setup
