@@ -6,11 +6,13 @@ import json
 import os
 import re
 import signal
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
 import sweeps
 from live_runs import live_workspace, running, seconds_until, served
+from workspaces import kill
 
 pytestmark = [pytest.mark.system, pytest.mark.alone, pytest.mark.timeout(1200)]
 
@@ -185,6 +187,54 @@ def test_a_port_that_is_pulled(tmp_path, bench):
         assert run.workspace.hil("seal", run.folder.name).code == 0
         replayed = run.workspace.hil("replay", run.folder.name)
         assert "no recorded case ran to its end" in replayed.out
+
+
+def test_a_served_bench_that_is_killed(tmp_path):
+    """The run ends as with any lost port, and nobody writes to the programs that get the terminals of the dead bench.
+
+    The guardian, which tries on, would type into somebody's shell, or switch off another bench.
+    """
+    with served(tmp_path / "e", speed=SPEED) as bench, running(bench, live_workspace(tmp_path / "w")) as run:
+        names = {str(each.readlink()) for each in bench.folder.iterdir() if each.is_symlink()}
+        kill(bench.process)
+        with ExitStack() as stack:
+            others = taken_over(names, stack)
+            ended = run.ended()
+            assert ended.code == 7
+            assert re.search(r"^stopped by a lost port: .*: its port is gone$", ended.out, re.MULTILINE)
+            assert "Traceback" not in ended.out + ended.err
+            journal = run.folder / "data/guardian.jsonl"
+            refused = [f"{name} leads to a terminal that another program has opened since" for name in ("tec1", "psu2")]
+            seconds_until(lambda: all(each in journal.read_text() for each in refused), 60.0, "tried at each terminal")
+            assert {name: heard_by(near) for name, near in others.items()} == dict.fromkeys(names, b"")
+        assert run.workspace.hil("ack", run.folder.name, "--by", "Ada", "--text", "it was simulated").code == 0
+
+
+def taken_over(names, stack):
+    """Open terminals of these names once they are free; return the near side of each by the far one's name."""
+    others = {}
+
+    def opens():
+        near, far = os.openpty()
+        with ExitStack() as closing:
+            closing.callback(os.close, near)
+            closing.callback(os.close, far)
+            if os.ttyname(far) in names:
+                os.set_blocking(near, False)
+                others[os.ttyname(far)] = near
+                stack.push(closing.pop_all())
+        return others.keys() == names
+
+    seconds_until(opens, 30.0, "the names of the dead bench")
+    return others
+
+
+def heard_by(terminal):
+    """Return what was written to the far side of a terminal."""
+    try:
+        return os.read(terminal, 4096)
+    except BlockingIOError:
+        return b""
 
 
 def test_a_supply_that_refuses(tmp_path):

@@ -157,7 +157,7 @@ class Session:
             freezing(configuration.inputs, record.folder, record.events, self.flags)
         )
         record.begin(planned)
-        if configuration.request.source is Source.HARDWARE and configuration.reach is not None:
+        if configuration.request.source is Source.HARDWARE:
             self._freezing.compare_executed()
         self.bench = bench = binder(record.transcript, self._where)
         self._closing.callback(bench.close)

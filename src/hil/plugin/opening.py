@@ -52,7 +52,7 @@ def open_new(
         WrongPort: if a board is not where the bench file says; no run folder is created.
         NoReply: if a port cannot be opened; no run folder is created.
     """
-    if (reach := configuration.reach) is not None:
+    if (reach := configuration.reach()) is not None:
         require_boards(configuration.bench, reach)
     witnesses = witnesses_of(configuration)
     answers = answers_of(configuration.request, configuration.workspace.shown, witnesses)
@@ -77,7 +77,7 @@ def open_new(
 def _require_answers(configuration: Configuration, planned: Sequence[PlannedCase], witnesses: Witnesses) -> None:
     """Require that the cases' questions will be answered, before anything is opened and the run has a folder."""
     request, workspace = configuration.request, configuration.workspace
-    outside = configuration.reach is not None
+    outside = configuration.outside
     twin = configuration.bench.simulated
     alone = request.source is Source.SIMULATED and not outside and not request.person
     attended = Attended(
@@ -135,13 +135,13 @@ class _Ports:
 
     def open(self) -> None:
         """Open the ports, if the bench is outside this process; see `Opened`."""
-        if (reach := self._configuration.reach) is not None:
+        if (reach := self._configuration.reach()) is not None:
             self._opened = Opened(self._configuration.bench, reach)
 
     def bind(self, transcript: Transcript, _where: Callable[[], str]) -> BoundBench:
         """Build the bench."""
         configuration = self._configuration
-        if (reach := configuration.reach) is not None:
+        if (reach := configuration.reach()) is not None:
             return bind_live(configuration.bench, reach, configuration.epoch, transcript, self._opened)
         return bind_simulated(configuration.bench, transcript)
 
@@ -155,7 +155,7 @@ def _bind_again(
     configuration: Configuration, earlier: Earlier, transcript: Transcript, where: Callable[[], str]
 ) -> BoundBench:
     record = earlier.folder / TRANSCRIPT
-    if (reach := configuration.reach) is not None:
+    if (reach := configuration.reach()) is not None:
         return bind_live_again(configuration.bench, reach, configuration.epoch, transcript, record, where)
     if earlier.checkpoint is None:
         return bind_simulated(configuration.bench, transcript)
@@ -165,6 +165,6 @@ def _bind_again(
 
 
 def _leases(configuration: Configuration) -> list[str]:
-    if (reach := configuration.reach) is not None:
+    if (reach := configuration.reach()) is not None:
         return reach.leases
     return [f"simulated bench {configuration.workspace.benches / configuration.bench.name}"]

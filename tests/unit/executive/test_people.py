@@ -163,7 +163,7 @@ def configuration(*, cut_paths=(), notify=("tell",), live=True, unattended=True,
     )
     request = SimpleNamespace(unattended=unattended, on_call=on_call)
     workspace = SimpleNamespace(notify=notify)
-    return SimpleNamespace(request=request, bench=spec, reach=object() if live else None, workspace=workspace)
+    return SimpleNamespace(request=request, bench=spec, outside=live, workspace=workspace)
 
 
 TWO = ({"hardware": DEAD_MAN}, {"hardware": "an overvoltage relay"})

@@ -56,6 +56,18 @@ def test_close_ends_what_is_open_and_nothing_twice():
     assert len(written.of("step-end")) == 2
 
 
+def test_a_step_whose_end_cannot_be_written_is_over():
+    """The reason is told once; ending the case does not fail in its turn because of it."""
+    steps, written = made()
+    step = steps("A")
+    step.__enter__()
+    written.write = lambda _: (_ for _ in ()).throw(OSError("the disk is full"))
+    with pytest.raises(OSError, match="the disk is full"):
+        step.__exit__(None, None, None)
+    steps.close()
+    assert steps.number == ""
+
+
 def test_a_step_that_is_left_late_does_not_end_another():
     """A loop that is dropped while another step is open leaves that one alone."""
     steps, written = made()

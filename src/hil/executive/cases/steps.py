@@ -99,9 +99,11 @@ class Steps(OfThisProcess):
                 outcome=outcome if last else "raised",
                 duration=duration,
             )
-            self._journal.write(ended)
-            self._titles.pop()
-            self._count()
+            try:
+                self._journal.write(ended)
+            finally:
+                self._titles.pop()
+                self._count()
 
     def _count(self) -> None:
         self.number = ".".join(str(count) for count in self._counts[: len(self._titles)])

@@ -306,7 +306,7 @@ class Record:
             self._journal,
             lambda text: self.events.write(events.Anomaly(text=text)),
             source=configuration.request.source,
-            all_of_them=configuration.reach is not None,
+            all_of_them=configuration.outside,
         )
 
     def leave_open(self) -> None:
@@ -364,7 +364,7 @@ class Record:
         A resumed bench in this process retraces what they hold, so they must hold nothing from after a stop that the
         journal does not know of.
         """
-        return self._configuration.reach is None and self.events.lost > 0
+        return not self._configuration.outside and self.events.lost > 0
 
     def _released(self, _: Event) -> None:
         """Write a checkpoint soon, so that a run killed now does not resume in the middle of a hold that is over."""

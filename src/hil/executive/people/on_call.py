@@ -39,7 +39,7 @@ def require_unattended(configuration: Configuration) -> None:
         if request.on_call:
             raise Refused("--on-call names somebody for a run that is attended", "add --unattended")
         return
-    if configuration.reach is None:
+    if not configuration.outside:
         raise Refused(
             "--unattended does not apply to a bench simulated in this process",
             "leave --unattended out, or use --detach",

@@ -111,8 +111,12 @@ class Configuration:
         return self.request.output or self.workspace.reports
 
     @property
+    def outside(self) -> bool:
+        """Whether the bench is outside this process: hardware, or served by another one."""
+        return self.request.source is Source.HARDWARE or self.request.served is not None
+
     def reach(self) -> Reach | None:
-        """How the bench is reached, None if it is in this process. See `reach_of`."""
+        """Return how the bench is reached, None if it is in this process; a served one is asked. See `reach_of`."""
         return reach_of(self.bench, self.request.source, self.request.served)
 
     @property

@@ -140,7 +140,7 @@ def _run(configuration: Configuration, frozen: Frozen) -> events.Run:
 
 def _live(configuration: Configuration) -> events.Live | None:
     """Return the facts about a bench outside the run's process, None for any other."""
-    reach = configuration.reach
+    reach = configuration.reach()
     return events.Live(speed=reach.speed, served=reach.served is not None) if reach else None
 
 
