@@ -144,7 +144,7 @@ def test_a_serial_device_is_opened_by_no_other_program(monkeypatch):
         stream = LiveStream("psu1", name)
         assert not is_alone(far), "behind a pseudo-terminal there is nothing real"
         stream.closed()
-        monkeypatch.setattr("hil.guardian.ports.opening._PSEUDO_TERMINALS", ())
+        monkeypatch.setattr("hil.guardian.ports.identity._PSEUDO_TERMINALS", ())
         by_force = LiveStream("psu1", name, alone=False)
         assert not is_alone(by_force.fileno())
         by_force.closed()
@@ -162,7 +162,7 @@ def test_a_serial_device_is_opened_by_no_other_program(monkeypatch):
 @as_root
 def test_another_user_gets_no_second_descriptor_of_a_serial_device(monkeypatch):
     """The file lock alone kept out only who asked for it."""
-    monkeypatch.setattr("hil.guardian.ports.opening._PSEUDO_TERMINALS", ())
+    monkeypatch.setattr("hil.guardian.ports.identity._PSEUDO_TERMINALS", ())
     with terminal() as (_, name):
         Path(name).chmod(0o666)
         stream = LiveStream("psu1", name)
