@@ -14,6 +14,7 @@ from evidence_runs import begin, record, sealed_run, stamps, whole_case, write_r
 from told_as_json import bodies
 from typed_events import event_of
 
+from hil.cli.died import why_not_resumed
 from hil.evidence.folder import JOURNAL, RECORDINGS, RESERVE, RESULTS, TORN, create, hold
 from hil.evidence.journal.reader import cut_torn_tail, read_journal
 from hil.evidence.journal.writer import Journal
@@ -183,7 +184,8 @@ def test_a_real_disk_with_little_space_is_full_and_nothing_worse(small_disk, pag
         os.posix_fallocate(stream.fileno(), 0, shutil.disk_usage(small_disk).free - pages * 4096)
     with pytest.raises(EvidenceError, match="cannot be sealed: disk full") as full:
         recover(folder, write_reports=write_report)
-    assert full.value.hint.startswith("nothing is lost; free some space")
+    assert full.value.hint == "nothing is lost; free some space and seal it with hil seal"
+    assert why_not_resumed(folder / JOURNAL) == "because it is sealed in part"
     somebody.unlink()
     recover(folder, write_reports=write_report)
     assert verify(folder).findings == ()

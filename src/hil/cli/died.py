@@ -167,6 +167,8 @@ def why_not_resumed(journal: Path) -> str:
         last = lines.readlines()
     if any(b'"kind":"results"' in line for line in last):
         return "because it has ended and only its seal is missing"
+    if any(b'"kind":"recovered"' in line for line in last):
+        return "because it is sealed in part"
     if any(b'"kind":"stop"' in line and b'"resumable":true' not in line for line in last):
         return "because it was stopped for good"
     return "" if planned and (began or not live) else "because no case had begun"

@@ -132,13 +132,13 @@ def test_a_gap_that_is_void_keeps_nothing_from_being_entered(tmp_path):
     ("parts", "why"),
     [
         ([CASE, [("results", {})]], "has ended"),
-        ([CASE, [("recovered", {})]], "is being sealed"),
+        ([CASE, [("recovered", {})]], "is sealed in part"),
         ([CASE, [("stop", {"reason": "smell"})]], "stop for good"),
         ([CASE[:1], STOP], "no case had begun"),
     ],
 )
 def test_what_cannot_be_gone_on_with_is_refused(tmp_path, parts, why):
-    """A run that has ended, is being sealed, was stopped for good, or never began."""
+    """A run that has ended, is sealed in part, was stopped for good, or never began."""
     with pytest.raises(Refused, match=why):
         find_earlier(folder_of(tmp_path, *parts))
 

@@ -33,7 +33,7 @@ _Event = TypeVar("_Event", bound=events.Event)
 _HEAD = (events.Anomaly, events.Frozen, events.Orphan, events.Planned, events.Run)
 _AFTER: Mapping[type[events.Event], str] = {
     events.End: "has ended",
-    events.Recovered: "is being sealed",
+    events.Recovered: "is sealed in part",
     events.Results: "has ended",
 }
 """Events after which there is nothing to resume."""
