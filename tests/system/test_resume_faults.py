@@ -203,6 +203,17 @@ def test_a_checkpoint_that_is_not_of_the_run_is_refused(workspace, interrupted, 
 
 
 @pytest.mark.timeout(360)
+@pytest.mark.parametrize("name", ["dut.json", "place.json", "software.json"])
+def test_a_run_whose_frozen_files_are_damaged_is_refused_before_it_is_driven(workspace, interrupted, name):
+    """It went on to its end, and the package was damaged or could not be sealed."""
+    before = (interrupted / "data/journal.jsonl").read_bytes()
+    (interrupted / "data" / name).write_text("null")
+    resumed = workspace.hil("resume", interrupted.name)
+    assert resumed.code == 4
+    assert f"cannot resume: data/{name}: it is not what was frozen before the first step" in resumed.err
+    assert (interrupted / "data/journal.jsonl").read_bytes() == before
+
+
 def test_a_run_without_checkpoint_and_half_of_its_record_comes_to_the_same(workspace, interrupted):
     """A simulated bench makes again what a disk lost: transcript, rows, half a header, the reserve."""
     (interrupted / "reserve.bin").unlink()

@@ -17,7 +17,7 @@ from hil.executive.people.on_call import OnCall, People, require_unattended
 from hil.executive.people.questions import Declined
 from hil.executive.people.witnesses import witnesses_of
 from hil.executive.resuming.earlier import Earlier, find_earlier
-from hil.executive.resuming.preconditions import changes, deviation_of, require_answers
+from hil.executive.resuming.preconditions import changes, deviation_of, require_answers, require_frozen
 from hil.executive.session import EXIT_INTERRUPTED, Session
 from hil.executive.setup import auditing
 from hil.executive.setup.configuration import Configuration, Request, configure
@@ -120,6 +120,7 @@ def resume(
     auditing.begin()  # before drivers and the like of others are imported
     earlier = find_earlier(folder)
     require_acknowledged(folder)
+    require_frozen(earlier)
     wanted = request(earlier)
     require_answers(earlier, wanted)
     configuration = configure(wanted)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
 from itertools import zip_longest
 from pathlib import Path
@@ -25,7 +25,7 @@ from hil.evidence.events import (
 )
 from hil.evidence.folder import ATTACHMENTS, CALIBRATION, CATALOGUE, GUARDIAN, JOURNAL, PARAMETERS, RECORDINGS, RESULTS
 from hil.evidence.journal.clocks import clock_findings
-from hil.evidence.journal.reader import JournalReading
+from hil.evidence.journal.reader import JournalLine, JournalReading
 from hil.evidence.package.bag import INFO, identifier_of, is_named
 from hil.evidence.package.introduced import introduced_findings
 from hil.evidence.package.judging import judge_again
@@ -40,7 +40,7 @@ from hil.evidence.results.outcome import FORMAT, is_outcome, without_sentences, 
 from hil.model.errors import EvidenceError, Finding, HilError
 from hil.model.identity import Source
 
-__all__ = ["content_findings", "frozen_findings", "guarded", "named_results"]
+__all__ = ["content_findings", "frozen_files", "frozen_findings", "guarded", "named_results"]
 
 _HEAD = ([Run, Frozen], [Run, Recovered])
 """How a sealed journal begins; a run killed before its first case has nothing frozen to name."""
@@ -140,7 +140,7 @@ def _file_findings(sources: Sources, hashes: Hashes) -> Iterator[Finding]:
     if [type(event) for event in sources.reading.events[:2]] not in _HEAD:
         yield Finding(JOURNAL, 0, 0, "its second event does not name what was frozen")
     later = {event.file: event.sha256 for event in sources.reading.events if isinstance(event, FrozenLater)}
-    frozen = {**_frozen_files(sources.reading), **later}
+    frozen = {**frozen_files(sources.reading.lines), **later}
     for path, digest in frozen.items():
         if hashes.get(path) != digest:
             when = "when it was first used" if path in later else "before the first step"
@@ -177,9 +177,14 @@ def _hashes_at_end(reading: JournalReading) -> Mapping[str, str]:
     return _hashes(last.wall.get("files"), "end")
 
 
-def _frozen_files(reading: JournalReading) -> dict[str, str]:
-    lines = [(line.event, line.wall) for line in reading.lines]
-    named = [part for event, wall in lines if isinstance(event, Frozen) for part in (event.files, wall.get("files"))]
+def frozen_files(lines: Iterable[JournalLine]) -> dict[str, str]:
+    """Return path and SHA-256 of the files frozen before the first step.
+
+    Raises:
+        EvidenceError: if the event does not name them.
+    """
+    began = [(line.event, line.wall) for line in lines]
+    named = [part for event, wall in began if isinstance(event, Frozen) for part in (event.files, wall.get("files"))]
     return {path: digest for files in named for path, digest in _hashes(files, "frozen").items()}
 
 

@@ -60,14 +60,14 @@ ReportWriter = Callable[[Package], None]
 SEAL_ERRORS = (OSError, MemoryError, ImportError)
 """Errors of a seal on a machine without space or memory; a library that finds no memory cannot be imported."""
 
+_BOTH = "resume it with hil resume, or seal it as it is with hil seal"
 _SEAL_AGAIN = "seal it with hil seal"
-
 _MOST_FILES = 64
 _MOST_BYTES = 50_000_000
 """How many row files, of what total size, may be kept beside their HDF5 before the folder is synced for them."""
 
 
-def seal(folder: Path, journal: Journal, *, exit_code: int, write_reports: ReportWriter) -> str:
+def seal(folder: Path, journal: Journal, *, exit_code: int, write_reports: ReportWriter, then: str = _BOTH) -> str:
     """Seal a run and return its evidence digest; the journal gets its end and is closed.
 
     The process may be killed after any step: `recover` then continues from there.
@@ -77,17 +77,11 @@ def seal(folder: Path, journal: Journal, *, exit_code: int, write_reports: Repor
         journal: its journal.
         exit_code: the exit code of the run.
         write_reports: writes the reports; if it fails, the package is sealed before the error is raised.
+        then: what to do after an error before the results are written.
 
     Raises:
-        EvidenceError: if the disk is full or fails, or memory runs out; the folder stays as it is, and can be
-            recovered.
+        EvidenceError: if the disk is full or fails, or memory runs out; the folder stays and can be recovered.
     """
-    ways = "resume it with hil resume, or seal it as it is with hil seal"
-    return _seal(folder, journal, exit_code, write_reports, ways)
-
-
-def _seal(folder: Path, journal: Journal, exit_code: int, write_reports: ReportWriter, then: str) -> str:
-    """Seal a run as `seal` does; `then` is what can be done with it as long as it has no results."""
     try:
         _write_results(folder, journal)
         then = _SEAL_AGAIN
@@ -368,7 +362,7 @@ def _seal_as_it_is(folder: Path, write_reports: ReportWriter) -> str:
             text = "the run was interrupted and is sealed as it is"
             journal.write(events.Recovered(torn_bytes=torn, text=text), journal.last_t)
         end_recordings(folder, journal, state.left_open)
-        return _seal(folder, journal, EXIT_CODE, write_reports, _SEAL_AGAIN)
+        return seal(folder, journal, exit_code=EXIT_CODE, write_reports=write_reports, then=_SEAL_AGAIN)
 
 
 def _require_known(folder: Path, reading: JournalReading) -> None:

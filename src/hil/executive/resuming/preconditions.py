@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -10,6 +11,8 @@ from hil.documents.canonical import JsonError, parse_strict
 from hil.evidence import events
 from hil.evidence.durable import read_plain
 from hil.evidence.folder import REGISTERS
+from hil.evidence.package.consistent import frozen_files
+from hil.evidence.package.listing import shown
 from hil.executive.people.answers import SIMULATED_PERSON
 from hil.executive.resuming.earlier import Earlier
 from hil.executive.setup.configuration import Configuration, Request
@@ -18,7 +21,7 @@ from hil.executive.setup.software import software_identity
 from hil.model.errors import EvidenceError, Refused
 from hil.registers.instruments import INSTRUMENTS
 
-__all__ = ["changes", "deviation_of", "require_answers", "require_same_cases", "resumed_request"]
+__all__ = ["changes", "deviation_of", "require_answers", "require_frozen", "require_same_cases", "resumed_request"]
 
 _REGISTERS = frozenset({"data/bench/duts.yaml", f"{REGISTERS}/{INSTRUMENTS}"})
 """All units and instruments of the workspace; those of the run have files of their own."""
@@ -97,6 +100,26 @@ def changes(earlier: Earlier, configuration: Configuration) -> tuple[str, ...]:
         now = freeze(configuration, Path(folder)).files
     differing = sorted(path for path in {*then, *now} - _REGISTERS if then.get(path) != now.get(path))
     return tuple(_sentences(differing))
+
+
+def require_frozen(earlier: Earlier) -> None:
+    """Require the files of the beginning as they were: no bench time is spent on a package that cannot verify.
+
+    Raises:
+        EvidenceError: with the first that differs, or cannot be read.
+    """
+    for path, digest in frozen_files(earlier.head).items():
+        try:
+            there = hashlib.sha256(read_plain(earlier.folder / path)).hexdigest()
+        except OSError as error:
+            what = f"cannot be read: {error.strerror or error}"
+        else:
+            what = "" if there == digest else "it is not what was frozen before the first step"
+        if what:
+            raise EvidenceError(
+                f"{earlier.folder.name}: cannot resume: {shown(path)}: {what}",
+                "put it back from a copy of the folder, and resume again",
+            )
 
 
 def deviation_of(earlier: Earlier, configuration: Configuration, reason: str) -> str:
