@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import hashlib
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from hil.documents.canonical import JsonError, parse_strict
 from hil.evidence import events
-from hil.evidence.durable import read_plain
+from hil.evidence.durable import read_plain, sha256_of
 from hil.evidence.folder import REGISTERS
 from hil.evidence.package.consistent import frozen_files
 from hil.evidence.package.listing import shown
@@ -110,7 +109,7 @@ def require_frozen(earlier: Earlier) -> None:
     """
     for path, digest in frozen_files(earlier.head).items():
         try:
-            there = hashlib.sha256(read_plain(earlier.folder / path)).hexdigest()
+            there = sha256_of(earlier.folder / path)
         except OSError as error:
             what = f"cannot be read: {error.strerror or error}"
         else:
