@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import random
 import subprocess
 import time
@@ -139,11 +138,18 @@ def test_a_table_that_a_case_opened_is_part_of_the_run(tmp_path):
 
 def test_other_software_needs_a_reason_and_closes_nothing(workspace, interrupted):
     """With a reason it is a deviation, in results and report."""
-    told = json.loads((interrupted / "data/software.json").read_bytes())
-    told["packages"]["numpy"] = "1.0.0"
-    (interrupted / "data/software.json").write_text(json.dumps(told), encoding="utf-8")
+    described = workspace.root.parent / "more/drivers_of_others-2.0.dist-info/METADATA"
+    described.parent.mkdir(parents=True)
+    described.write_text("Metadata-Version: 2.1\nName: drivers-of-others\nVersion: 2.0\n", encoding="utf-8")
+    workspace.environment["PYTHONPATH"] = str(described.parents[1])
     refused = workspace.hil("resume", "latest")
-    assert (refused.code, "packages numpy 1.0.0 is" in refused.err) == (4, True)
+    assert (refused.code, "packages drivers-of-others none is 2.0" in refused.err) == (4, True), refused.err
+    ended = workspace.hil("resume", "latest", "--other-software", "needed for the next bench", timeout=300)
+    assert (ended.code, ended.err) == (0, "")
+    package = Package(interrupted)
+    told = "resumed with other software (packages drivers-of-others none is 2.0): needed for the next bench"
+    assert f"deviation: {told}" in [text["text"] for text in results_as_json(package)["conditions"]]
+    assert told in package.text("data/report/report.html")
 
 
 def test_a_run_that_does_not_come_to_the_same_is_left_as_it_is(workspace, interrupted):
