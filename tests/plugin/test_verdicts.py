@@ -13,6 +13,7 @@ from workspaces import agreed, make
 
 from hil.evidence.package.verification import verify
 from hil.executive.ending.signals import Alarm
+from hil.executive.watching.ports import NoMachine
 
 CHECK = '''
 @pytest.mark.requirement("T-010")
@@ -494,6 +495,17 @@ def test_an_alarm_ends_a_cases_own_code_and_nothing_else(tmp_path, monkeypatch):
     agreed(found, {"test_one": "ERROR", "test_last": "PASS"}, "ERROR", 1)
     assert {"contextlib", "_pytest.runner", "pluggy._manager", "hil.plugin.campaign"} < set(heard)
     assert set(raised) == {("test_small.py", "CaseTimeout")}
+
+
+def test_what_only_the_guardian_does_not_find_safe_is_unsafe(tmp_path, monkeypatch):
+    """It is asked after the last line of the safe-off is proven: the package must not say that the bench was safe."""
+    monkeypatch.setattr(NoMachine, "end", lambda *_, **__: ["supply.coil: its port is gone"])
+    found = make(tmp_path / "workspace", LAST).run()
+    agreed(found, {"test_last": "PASS"}, "ERROR", 7)
+    assert results_as_json(found.package)["safe"] is False
+    assert "THE BENCH COULD NOT BE PROVEN SAFE: supply.coil: its port is gone" in found.out
+    assert "NOT SAFE: at least one output could not be proven safe." in found.out
+    assert verify(found.package.folder).findings == ()
 
 
 def test_a_supply_that_refuses_to_switch_off_is_unsafe(tmp_path):

@@ -27,6 +27,7 @@ from hil.evidence.events import (
     GivenFile,
     Hold,
     HoldEnd,
+    HostGate,
     Note,
     NotRun,
     Origin,
@@ -271,6 +272,8 @@ class RunState:
             self.stop = None
         else:
             self.host_gates.append(event)
+            if event.name == HostGate.GUARDIANS_PROOF and not event.ok:
+                self.safe = False
 
     def _of_run(self, event: Event) -> None:  # noqa: C901 - one case per kind of event
         match event:

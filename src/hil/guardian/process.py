@@ -72,7 +72,7 @@ class Guard:
             self._send("ready")
             while not self._left:
                 self._turn()
-            why = "the executive left without having proven its outputs safe" if self._watching else ""
+            why = "the executive left before the guardian had found every output safe" if self._watching else ""
         except (_Ended, HungUp) as ended:
             why = "" if self._disarmed else self._why_ended(ended)
             kill = True

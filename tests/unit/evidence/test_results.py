@@ -20,6 +20,7 @@ from told_as_json import results_as_json
 from typed_events import event_of
 
 from hil.documents.canonical import canonical
+from hil.evidence.events import HostGate
 from hil.evidence.folder import JOURNAL
 from hil.evidence.journal.reader import read_journal
 from hil.evidence.results.derived import derive, results_of
@@ -244,13 +245,14 @@ def test_nothing_planned_is_not_a_pass():
     [
         ({"kind": "trip"}, "ERROR"),
         ({"kind": "safe-end", "ok": False}, "ERROR"),
+        ({"kind": "host-gate", "name": HostGate.GUARDIANS_PROOF, "ok": False, "detail": "coil: silent"}, "ERROR"),
         ({"kind": "armed"}, "ERROR"),
         ({"kind": "stop"}, "ABORTED"),
         ({"kind": "recovered"}, "ABORTED"),
     ],
 )
 def test_a_run_that_went_wrong_does_not_pass(event, verdict):
-    """A trip, an unsafe end, an armed bench never made safe, and an interruption each spoil the run's verdict."""
+    """A trip, an end unsafe to run or guardian, a bench never made safe, and an interruption each spoil the run's verdict."""
     assert verdicts_of(*passed("test_a"), *passed("test_b"), event)[2] == verdict
 
 

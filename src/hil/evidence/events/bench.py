@@ -59,6 +59,8 @@ class HostGate(Gate, frozen=True, kw_only=True):
     """
 
     origin: ClassVar[Origin] = Origin.OUTSIDE
+    GUARDIANS_PROOF: ClassVar[str] = "guardian's proof at the end"
+    """The name of what tells that the guardian, asked after the safe-off, did not find every output safe."""
 
 
 class Armed(Event, frozen=True, kw_only=True):

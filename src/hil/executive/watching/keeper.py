@@ -199,7 +199,9 @@ class BenchKeeper:
             self.safe()
         lost = self.scheduler.lost is not None
         if problems := self._armed.let_go(lost=lost):
-            self._journal.write(events.HostGate(name="guardian", ok=False, detail="; ".join(problems)))
+            # A run that is resumed ends again: this proof is not its last.
+            name = "guardian" if self.stays_open else events.HostGate.GUARDIANS_PROOF
+            self._journal.write(events.HostGate(name=name, ok=False, detail="; ".join(problems)))
         if self._armed.touched and not self.stays_open:  # the watch after the end belongs to the end of a run
             self._watch_afterwards()
         self._armed.latch("the run could not prove the bench safe")

@@ -180,7 +180,11 @@ class Progress:
         if self._verbose or not event.ok:
             self._line(f"  {'ok  ' if event.ok else 'NOT OK'} {event.name}: {event.detail}", _good(event.ok))
 
-    _host_gate = _gate
+    def _host_gate(self, event: events.HostGate) -> None:
+        if event.name == event.GUARDIANS_PROOF and not event.ok:  # `safe-end` has just reported every line as proven
+            self._not_safe(event.detail)
+        else:
+            self._gate(event)
 
     def _called(self, event: events.Called) -> None:
         self._line(f"  {event.text}", "bold")
@@ -303,10 +307,14 @@ class Progress:
             self._line("  made safe, and kept safe for the rest of the run", "green")
             return
         self._line("")
-        words = "bench safe: every output proven" if event.ok else "THE BENCH COULD NOT BE PROVEN SAFE"
-        self._line(words, _good(event.ok))
-        if not event.ok:
-            self._line("go to the bench, and switch off by hand what is NOT SAFE above", "bold")
+        if event.ok:
+            self._line("bench safe: every output proven", "green")
+        else:
+            self._not_safe("see NOT SAFE above")
+
+    def _not_safe(self, which: str) -> None:
+        self._line(f"THE BENCH COULD NOT BE PROVEN SAFE: {which}", "bold red")
+        self._line("go to the bench, and switch off by hand what is on", "bold")
 
     def _line(self, text: str, style: str = "") -> None:
         self._print(Text(visible(text), style))
