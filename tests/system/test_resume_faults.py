@@ -124,6 +124,27 @@ def test_a_resume_that_is_stopped_on_its_record_leaves_the_run_as_it_was(workspa
     assert told == (["inbox, unheard by Ada: stop, before the run was resumed"] if how == "hil stop" else [])
 
 
+@pytest.mark.parametrize(
+    ("file", "now", "told"),
+    [
+        ("data/transcript.tsv", None, "data/transcript.tsv: it is missing"),
+        ("data/transcript.tsv", b"hil transcript 10\n", "data/transcript.tsv:1:1: the line is damaged: "),
+        ("data/software.json", b"{}", "data/software.json: it is not what was frozen before the first step"),
+    ],
+)
+def test_a_damaged_run_is_sealed_with_its_damage_told(workspace, interrupted, file, now, told):
+    """What is left is kept safe; whoever seals it is told at once what cannot be verified or replayed any more."""
+    if now is None:
+        (interrupted / file).unlink()
+    else:
+        (interrupted / file).write_bytes(now)
+    ended = workspace.hil("seal", interrupted.name)
+    assert (ended.code, told in ended.err, "it is sealed as it is, with this damage" in ended.err) == (1, True, True)
+    assert "evidence digest" not in ended.out
+    assert ended.last_line == f"reports/{interrupted.name}"
+    assert (interrupted / "bagit.txt").exists()
+
+
 @pytest.mark.timeout(360)
 def test_a_run_that_was_stopped_twice_to_be_resumed_goes_on(workspace):
     """The second word neither seals the run, nor stops the resumed one, and it is written down."""

@@ -252,7 +252,7 @@ def test_nothing_planned_is_not_a_pass():
     ],
 )
 def test_a_run_that_went_wrong_does_not_pass(event, verdict):
-    """A trip, an end unsafe to run or guardian, a bench never made safe, and an interruption each spoil the run's verdict."""
+    """A trip, an end that was not safe or never came, and an interruption each spoil the run's verdict."""
     assert verdicts_of(*passed("test_a"), *passed("test_b"), event)[2] == verdict
 
 

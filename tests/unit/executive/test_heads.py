@@ -16,6 +16,7 @@ from hil.evidence.journal.writer import Journal
 from hil.evidence.ledger.book import append, ledger_file, read
 from hil.evidence.ledger.entries import Head
 from hil.evidence.ledger.heads import require_uncut
+from hil.evidence.package.verification import State, verify
 from hil.executive.ending.stop import StopFlags
 from hil.executive.journaling.events import Events
 from hil.executive.journaling.heads import Heads
@@ -94,6 +95,8 @@ def test_a_journal_that_was_cut_is_not_resumed(tmp_path):
         find_earlier(folder)
     with pytest.raises(Refused, match="cannot seal: .*: it was cut"):
         require_uncut(folder, read_journal(path), "seal")
+    found = verify(folder)
+    assert (found.state, "it was cut" in str(found.findings)) == (State.DAMAGED, True)
     path.write_bytes(b"".join(whole))
     find_earlier(folder)
 

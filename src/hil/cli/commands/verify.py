@@ -17,7 +17,7 @@ from hil.model.errors import HilError
 if TYPE_CHECKING:
     from hil.evidence.package.verification import Verification
 
-__all__ = ["command"]
+__all__ = ["command", "damage_of_transcript"]
 
 _REFUSED = 4
 
@@ -76,6 +76,7 @@ def _in_short(folder: Path, *, report: bool, again: bool) -> tuple[str, list[str
 
 def _tell(folder: Path, *, report: bool, again: bool) -> int:
     """Print the full verification of a package, and return the exit code."""
+    from hil.evidence.folder import TRANSCRIPT  # noqa: PLC0415 - heavy
     from hil.evidence.package.listing import shown  # noqa: PLC0415 - heavy
     from hil.evidence.package.verification import State, verify  # noqa: PLC0415 - heavy
     from hil.report.tables import labelled  # noqa: PLC0415 - heavy
@@ -87,8 +88,9 @@ def _tell(folder: Path, *, report: bool, again: bool) -> int:
     complete = ", the run is incomplete" if short else ""
     click.echo(f"{shown(found.folder.name)}: {found.state}{complete}")
     if found.state is not State.SEALED:
-        for line in _damage_of_transcript(found):
-            click.echo(line, err=True)
+        if any(each.path == TRANSCRIPT for each in found.findings) and (folder / TRANSCRIPT).is_file():
+            for line in damage_of_transcript(folder):
+                click.echo(line, err=True)
         if again:
             click.echo("not replayed: only what a sealed package holds can be compared with it", err=True)
         return 1
@@ -140,16 +142,22 @@ def _replayed(found: Verification) -> _Replayed:
 _MOST_LINES = 20
 
 
-def _damage_of_transcript(found: Verification) -> Iterator[str]:
-    """Give the damaged lines of a transcript that is not the one that was sealed."""
+def damage_of_transcript(folder: Path) -> Iterator[str]:
+    """Give the damaged lines of a run's transcript, as far as they tell by themselves, or that it is missing."""
     from hil.evidence.folder import TRANSCRIPT  # noqa: PLC0415 - heavy
     from hil.evidence.package.listing import list_folder, shown  # noqa: PLC0415 - heavy
     from hil.wire.transcript import damaged_lines  # noqa: PLC0415 - heavy
 
-    path = found.folder / TRANSCRIPT
-    if any(each.path == TRANSCRIPT for each in found.findings) and path.is_file() and not list_folder(found.folder).odd:
-        for number, message in islice(damaged_lines(path), _MOST_LINES):
-            yield shown(f"{TRANSCRIPT}:{number}:1: {message}")
+    path = folder / TRANSCRIPT
+    if list_folder(folder).odd:  # a link may lead anywhere
+        return
+    if not path.is_file():
+        yield f"{TRANSCRIPT}: it is missing"
+        return
+    if not path.stat().st_size:  # the process was killed before its first lines were written
+        return
+    for number, message in islice(damaged_lines(path), _MOST_LINES):
+        yield shown(f"{TRANSCRIPT}:{number}:1: {message}")
 
 
 def _said(found: Verification) -> tuple[list[tuple[str, str]], list[str]]:

@@ -9,7 +9,7 @@ from hil.evidence.ledger.book import Ledger, read
 from hil.evidence.ledger.entries import Head
 from hil.model.errors import Refused
 
-__all__ = ["require_uncut"]
+__all__ = ["cut_or_rewritten", "require_uncut"]
 
 _HINT = "keep the folder as it is, and find out who changed it; the run is repeated as a new one"
 
@@ -27,18 +27,23 @@ def require_uncut(folder: Path, reading: JournalReading, what: str, ledger: Ledg
         Refused: if it is shorter, or has a different event anywhere.
         EvidenceError: if the ledger exists and cannot be read.
     """
+    if problem := cut_or_rewritten(folder, reading, ledger):
+        raise Refused(f"{folder.name}: cannot {what}: {problem}", _HINT)
+
+
+def cut_or_rewritten(folder: Path, reading: JournalReading, ledger: Ledger | None = None) -> str:
+    """Return how a journal, whose chain is whole, contradicts its heads in the ledger; empty if it does not.
+
+    Raises:
+        EvidenceError: if the ledger exists and cannot be read.
+    """
     heads = (ledger or read(folder.parent)).of(Head, folder.name)
+    count = len(reading.lines)
     for seen in sorted(heads, key=lambda each: -each.events):
-        count = len(reading.lines)
         if count < seen.events:
-            raise Refused(
-                f"{folder.name}: cannot {what}: the journal has {count} events, and the ledger saw event {seen.events}"
-                f" on {seen.utc}: it was cut",
-                _HINT,
-            )
+            return f"the journal has {count} events, and the ledger saw event {seen.events} on {seen.utc}: it was cut"
         if reading.lines[seen.events - 1].sha256 != seen.sha256:
-            raise Refused(
-                f"{folder.name}: cannot {what}: event {seen.events} of the journal is not the one that the ledger saw"
-                f" on {seen.utc}: it was rewritten",
-                _HINT,
+            return (
+                f"event {seen.events} of the journal is not the one that the ledger saw on {seen.utc}: it was rewritten"
             )
+    return ""

@@ -13,6 +13,7 @@ from hil.evidence.events import End
 from hil.evidence.folder import JOURNAL, SEAL, is_held, is_run, is_sealed
 from hil.evidence.journal.reader import UnknownFormat, read_ends, read_journal, require_known_format
 from hil.evidence.ledger.book import Ledger, read
+from hil.evidence.ledger.heads import cut_or_rewritten
 from hil.evidence.ledger.packages import known
 from hil.evidence.package.bag import (
     DECLARATION,
@@ -120,7 +121,7 @@ def verify(folder: Path, ledger: Ledger | None = None) -> Verification:
         return found if found.findings else _compared(found, ledger)
     if not is_run(folder):
         raise EvidenceError(f"{shown(str(folder))}: not a run's folder", "name a folder of reports/, see hil runs")
-    return _verify_unsealed(folder, State.RUNNING if held else State.INTERRUPTED)
+    return _verify_unsealed(folder, State.RUNNING if held else State.INTERRUPTED, ledger)
 
 
 def _verify_sealed(folder: Path) -> Verification:
@@ -188,7 +189,7 @@ def hash_file(folder: Path, path: str, hashes: dict[str, str]) -> Iterator[Findi
         yield Finding(shown(path), 0, 0, f"it cannot be read: {error.strerror}")
 
 
-def _verify_unsealed(folder: Path, state: State) -> Verification:
+def _verify_unsealed(folder: Path, state: State, ledger: Ledger | None) -> Verification:
     from hil.evidence.package.consistent import guarded  # noqa: PLC0415 - as above
     from hil.evidence.package.sealing import lost_files  # noqa: PLC0415 - as above
 
@@ -205,6 +206,8 @@ def _verify_unsealed(folder: Path, state: State) -> Verification:
     ended = not running and bool(reading.events) and isinstance(reading.events[-1], End)
     findings.insert(0, Finding(SEAL, 0, 0, NO_SEAL) if ended else _unsealed(state))
     lost = list(guarded(partial(lost_files, folder, reading))) if ended else []
+    if not running and not reading.findings and (problem := cut_or_rewritten(folder, reading, ledger)):
+        lost.append(Finding(JOURNAL, 0, 0, problem))
     findings += (*reading.findings, *lost)
     if (reading.findings or lost) and not running:
         state = State.DAMAGED
