@@ -55,6 +55,7 @@ def test_intervals_of_no_change_hold_zero():
 
 
 @pytest.mark.system
+@pytest.mark.timeout(600)
 def test_slow_noise_that_hardly_shows_is_no_change():
     """A walk of a third of the power of the averages is often taken for white; three uncertainties are enough."""
     trials, beyond = sweeps.chosen(40, 1000), 0
