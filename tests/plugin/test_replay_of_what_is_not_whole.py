@@ -72,12 +72,14 @@ def test_every_damaged_line_of_a_transcript_is_named(copy):
     lines = (copy / TRANSCRIPT).read_text().splitlines(keepends=True)
     lines[39] = "XX" + lines[39]
     lines[99] = lines[99].replace("\t", " ", 2)
+    lines[149] = lines[149].replace("\t", "\tä", 1)
     (copy / TRANSCRIPT).write_text("".join(lines))
     with pytest.raises(ConfigurationError) as refused:
         replay(Package(copy))
-    first, second = map(str, refused.value.findings)
+    first, second, third = map(str, refused.value.findings)
     assert first.startswith("data/transcript.tsv:40:1: the line is damaged: field 'sequence' must be a whole number")
     assert second.startswith("data/transcript.tsv:100:1: the line is damaged: expected 8 fields (")
+    assert third.startswith("data/transcript.tsv:150:1: the line is damaged: field 'device' must be ASCII, found ")
 
 
 READ = """

@@ -18,6 +18,7 @@ from hil.evidence.folder import JOURNAL, is_held, is_run, is_sealed
 from hil.evidence.index import Index, Seen
 from hil.evidence.journal.reader import JournalLine, JournalReading, read_ends, read_journal, require_known_format
 from hil.evidence.ledger.book import Ledger, read
+from hil.evidence.ledger.heads import cut_or_rewritten
 from hil.evidence.ledger.packages import Seals
 from hil.evidence.package.bag import INFO, MANIFEST, digest_of_manifest, identifier_of
 from hil.evidence.package.listing import shown
@@ -195,13 +196,13 @@ def _is_one(path: Path) -> bool:
 
 def _whatever_it_is(folder: Path, ledger: Ledger) -> RunSummary:
     try:
-        return _sealed(folder, ledger) if is_sealed(folder) else _unsealed(folder)
+        return _sealed(folder, ledger) if is_sealed(folder) else _unsealed(folder, ledger)
     except (HilError, OSError) as error:
         what = error.message if isinstance(error, HilError) else str(error)
         return RunSummary(folder=folder, state=State.DAMAGED, problem=what.removeprefix(f"{folder}/"))
 
 
-def _unsealed(folder: Path) -> RunSummary:
+def _unsealed(folder: Path, ledger: Ledger | None = None) -> RunSummary:
     held = is_held(folder)  # checked first: a run that ends in between is then sealed
     if held and not os.path.lexists(folder / JOURNAL):
         return RunSummary(folder=folder, state=State.RUNNING)  # it is about to begin
@@ -213,7 +214,9 @@ def _unsealed(folder: Path) -> RunSummary:
     from hil.evidence.package.sealing import lost_files  # noqa: PLC0415 - as `look`
 
     ended = State.SAFED if was_safed(folder, reading.events) else State.INTERRUPTED
-    lost = () if held else tuple(lost_files(folder, reading, read=False))
+    lost = [] if held else list(lost_files(folder, reading, read=False))
+    if not held and not reading.findings and (cut := cut_or_rewritten(folder, reading, ledger)):
+        lost.append(Finding(JOURNAL, 0, 0, cut))
     if (reading.findings or lost) and not held:
         return _suspicious(folder, State.DAMAGED, (*reading.findings, *lost))
     summary = _summary(folder, reading, State.RUNNING if held else ended)

@@ -11,6 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import NoReturn, Protocol, TextIO
 
+from hil.evidence.folder import TRANSCRIPT
 from hil.executive.ending.acknowledging import require_acknowledged
 from hil.executive.people.notifying import Notifier
 from hil.executive.people.on_call import OnCall, People, require_unattended
@@ -30,6 +31,7 @@ from hil.plugin.launch import launch
 from hil.plugin.opening import open_new, open_resumed
 from hil.plugin.terminal.answering import answers_of
 from hil.plugin.terminal.progress import Progress
+from hil.wire.transcript import damaged_lines
 
 __all__ = ["Word", "resume", "run"]
 
@@ -40,7 +42,7 @@ _WITHOUT = {
 }
 """Why there is no package, by exit code."""
 
-_FAILED, _INTERNAL = 1, 3
+_FAILED, _INTERNAL, _REFUSED = 1, 3, 4
 _COLLECTED = 20_000, 20, 50  # allocations, and collections of the younger generations, between collections
 
 
@@ -205,9 +207,16 @@ class _RunProcess:
             return
         if self._session.flags.reason:
             self.stopped_early()  # on the way to the safe state it leaves its record
-        problem = f"hil: {self._session.folder.name} cannot be resumed: {error.first}"
-        complain(problem, "     it is unchanged; seal it with hil seal")
-        self._word.leave(_INTERNAL)
+        name, damaged = self._session.folder.name, next(damaged_lines(self._session.folder / TRANSCRIPT), None)
+        if damaged is None:
+            complain(f"hil: {name} cannot be resumed: {error.first}", "     it is unchanged; seal it with hil seal")
+            self._word.leave(_INTERNAL)
+        number, message = damaged
+        complain(
+            f"hil: {name} cannot be resumed: {TRANSCRIPT}:{number}:1: {message}",
+            f"     put it back from a copy of the folder, and resume again; or seal the run as it is: hil seal {name}",
+        )
+        self._word.leave(_REFUSED)
 
     def stopped_early(self) -> None:
         """End the process of a resumed run that was told to stop before it had retraced its past."""

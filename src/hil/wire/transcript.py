@@ -230,6 +230,8 @@ def _wrong(fields: list[str], sequence: int) -> str:
     if len(fields) != _FIELDS:
         return f"expected {_FIELDS} fields ({', '.join(names)}), found {len(fields)}"
     for name, text in zip(names, fields, strict=True):
+        if not text.isascii():
+            return f"field '{name}' must be ASCII, found {text[:_SHOWN]!r}"
         if name in _NUMBERS and not text.isdecimal():
             return f"field '{name}' must be a whole number, found {text[:_SHOWN]!r}"
         if name in _BYTES and not _HEX.fullmatch(text):

@@ -17,6 +17,7 @@ from hil.evidence.ledger.book import append, ledger_file, read
 from hil.evidence.ledger.entries import Head
 from hil.evidence.ledger.heads import require_uncut
 from hil.evidence.package.verification import State, verify
+from hil.evidence.runs import find_runs, status
 from hil.executive.ending.stop import StopFlags
 from hil.executive.journaling.events import Events
 from hil.executive.journaling.heads import Heads
@@ -97,6 +98,9 @@ def test_a_journal_that_was_cut_is_not_resumed(tmp_path):
         require_uncut(folder, read_journal(path), "seal")
     found = verify(folder)
     assert (found.state, "it was cut" in str(found.findings)) == (State.DAMAGED, True)
+    seen = status(folder)
+    assert (seen.state, "it was cut" in seen.problem) == (State.DAMAGED, True)
+    assert [run.state for run in find_runs(tmp_path)] == [State.DAMAGED]
     path.write_bytes(b"".join(whole))
     find_earlier(folder)
 
