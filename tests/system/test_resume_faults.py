@@ -145,6 +145,19 @@ def test_a_damaged_run_is_sealed_with_its_damage_told(workspace, interrupted, fi
     assert (interrupted / "bagit.txt").exists()
 
 
+def test_a_damaged_file_that_keeps_a_run_from_its_seal_is_moved_out_of_it(workspace, interrupted, tmp_path):
+    """Results cannot be derived from it; without it they can, and what is left is sealed."""
+    file = interrupted / "data/dut.json"
+    file.write_text("null")
+    refused = workspace.hil("seal", interrupted.name)
+    assert (refused.code, "cannot seal: data/dut.json: it must be an object" in refused.err) == (4, True)
+    assert "move it out of the run's folder, and seal again" in refused.err
+    file.rename(tmp_path / file.name)
+    ended = workspace.hil("seal", interrupted.name)
+    assert (ended.code, "data/dut.json: what was frozen is missing" in ended.err) == (1, True)
+    assert (interrupted / "bagit.txt").exists()
+
+
 @pytest.mark.timeout(360)
 def test_a_run_that_was_stopped_twice_to_be_resumed_goes_on(workspace):
     """The second word neither seals the run, nor stops the resumed one, and it is written down."""

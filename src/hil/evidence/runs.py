@@ -211,7 +211,7 @@ def _unsealed(folder: Path, ledger: Ledger | None = None) -> RunSummary:
         require_known_format(reading)
     except EvidenceError as error:
         return RunSummary(folder=folder, state=State.UNKNOWN, problem=error.message)
-    from hil.evidence.package.sealing import lost_files  # noqa: PLC0415 - as `look`
+    from hil.evidence.package.introduced import lost_files  # noqa: PLC0415 - as `look`
 
     ended = State.SAFED if was_safed(folder, reading.events) else State.INTERRUPTED
     lost = [] if held else list(lost_files(folder, reading, read=False))

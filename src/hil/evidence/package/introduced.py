@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from hil.evidence.durable import PART, sha256_of, sync_folder
@@ -25,7 +25,7 @@ from hil.evidence.package.listing import list_folder, shown
 from hil.evidence.state import fold
 from hil.model.errors import Finding
 
-__all__ = ["ASIDE", "introduced_findings", "set_aside", "strangers"]
+__all__ = ["ASIDE", "introduced_findings", "lost_files", "set_aside", "strangers"]
 
 ASIDE = ".aside"
 """The folder beside the packages for files that were in a run's folder and are no evidence."""
@@ -65,12 +65,35 @@ def strangers(reading: JournalReading, files: Iterable[str]) -> Iterator[str]:
 
 def introduced_findings(reading: JournalReading, hashes: Iterable[str]) -> Iterator[Finding]:
     """Yield a finding for every sealed file that no event introduced; files added later are reported elsewhere."""
-    last = reading.lines[-1] if reading.lines else None
-    named = last.wall.get("files") if last and isinstance(last.event, End) else None
-    if reading.findings or not isinstance(named, dict):
+    named = _named_at_end(reading)
+    if reading.findings or named is None:
         return  # the events are unknown
     for path in strangers(reading, (path for path in hashes if path in named or not is_named(path))):
         yield Finding(shown(path), 0, 0, "no event of the journal introduced this file")
+
+
+def lost_files(folder: Path, reading: JournalReading, *, read: bool = True) -> Iterator[Finding]:
+    """Yield a finding for every file named at the end of a journal that is now missing or different.
+
+    A run whose process ended between that and the seal has lost none; an incomplete copy has.
+
+    Args:
+        folder: the run's folder.
+        reading: its journal; without its `end` nothing is named.
+        read: whether the files are compared with their hashes.
+    """
+    there = {*list_folder(folder).files}
+    for path, digest in sorted((_named_at_end(reading) or {}).items()):
+        if path not in there:
+            yield Finding(shown(path), 0, 0, "the journal names it, and it is missing")
+        elif read and sha256_of(folder / path) != digest:
+            yield Finding(shown(path), 0, 0, "it is not the file that the journal names")
+
+
+def _named_at_end(reading: JournalReading) -> Mapping[str, str] | None:
+    last = reading.lines[-1] if reading.lines else None
+    named = last.wall.get("files") if last and isinstance(last.event, End) else None
+    return named if isinstance(named, dict) else None
 
 
 def set_aside(folder: Path, reading: JournalReading) -> list[str]:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import shutil
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
 from hil.evidence import events
-from hil.evidence.durable import DISK_FULL, PART, read_plain, sha256_of, sync_folder, write_whole
+from hil.evidence.durable import DISK_FULL, PART, read_plain, sync_folder, write_whole
 from hil.evidence.folder import CHECKPOINT, INBOX, JOURNAL, RECORDINGS, RESERVE, RESULTS, free_reserve, hold, is_sealed
 from hil.evidence.inbox import Message, poll
 from hil.evidence.journal.reader import JournalReading, cut_torn_tail, read_journal, require_known_format
@@ -29,15 +29,16 @@ from hil.evidence.package.bag import (
     write_manifests,
 )
 from hil.evidence.package.contents import Package
-from hil.evidence.package.introduced import set_aside, strangers
+from hil.evidence.package.introduced import lost_files, set_aside, strangers
 from hil.evidence.package.listing import list_folder, shown
 from hil.evidence.recordings.hdf5 import convert
 from hil.evidence.recordings.rows import Rows
 from hil.evidence.results.derived import results_of
+from hil.evidence.results.facts import DamagedFile
 from hil.evidence.results.outcome import write_outcome
 from hil.evidence.safed import guardian_hash
 from hil.evidence.state import RunState, fold
-from hil.model.errors import EvidenceError, Finding, Refused
+from hil.model.errors import EvidenceError, Refused
 
 __all__ = [
     "EXIT_CODE",
@@ -47,7 +48,6 @@ __all__ = [
     "event_of",
     "finish",
     "info_of",
-    "lost_files",
     "not_sealed",
     "recover",
     "seal",
@@ -60,6 +60,7 @@ ReportWriter = Callable[[Package], None]
 SEAL_ERRORS = (OSError, MemoryError, ImportError)
 """Errors of a seal on a machine without space or memory; a library that finds no memory cannot be imported."""
 
+_ASIDE = "put it back from a copy, or move it out of the run's folder, and seal again"
 _BOTH = "resume it with hil resume, or seal it as it is with hil seal"
 _SEAL_AGAIN = "seal it with hil seal"
 _MOST_FILES = 64
@@ -307,28 +308,10 @@ def recover(folder: Path, *, write_reports: ReportWriter) -> str:
             if not_entered := _enter(folder, read_journal(folder / JOURNAL), missing):
                 raise not_entered
             return digest_of_manifest(read_plain(folder / MANIFEST))
+        except DamagedFile as error:
+            raise EvidenceError(f"{folder.name}: cannot seal: {error.finding}", _ASIDE) from error
         except SEAL_ERRORS as error:
             raise not_sealed(folder, error, "seal it again with hil seal; hil verify shows what is there") from error
-
-
-def lost_files(folder: Path, reading: JournalReading, *, read: bool = True) -> Iterator[Finding]:
-    """Yield a finding for every file named at the end of a journal that is now missing or different.
-
-    A run whose process ended between that and the seal has lost none; an incomplete copy has.
-
-    Args:
-        folder: the run's folder.
-        reading: its journal; without its `end` nothing is named.
-        read: whether the files are compared with their hashes.
-    """
-    last = reading.lines[-1] if reading.lines else None
-    files = last.wall.get("files") if last and isinstance(last.event, events.End) else None
-    there = {*list_folder(folder).files}
-    for path, digest in sorted(files.items()) if isinstance(files, dict) else ():
-        if path not in there:
-            yield Finding(shown(path), 0, 0, "the journal names it, and it is missing")
-        elif read and sha256_of(folder / path) != digest:
-            yield Finding(shown(path), 0, 0, "it is not the file that the journal names")
 
 
 def _seal_as_it_is(folder: Path, write_reports: ReportWriter) -> str:

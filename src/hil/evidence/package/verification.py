@@ -191,7 +191,7 @@ def hash_file(folder: Path, path: str, hashes: dict[str, str]) -> Iterator[Findi
 
 def _verify_unsealed(folder: Path, state: State, ledger: Ledger | None) -> Verification:
     from hil.evidence.package.consistent import guarded  # noqa: PLC0415 - as above
-    from hil.evidence.package.sealing import lost_files  # noqa: PLC0415 - as above
+    from hil.evidence.package.introduced import lost_files  # noqa: PLC0415 - as above
 
     running = state is State.RUNNING
     findings = list(list_folder(folder).odd)
