@@ -10,17 +10,29 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from hil.clock import wall
-from hil.evidence.folder import JOURNAL
+from hil.evidence.folder import JOURNAL, is_sealed
 from hil.model.errors import HilError
 
-__all__ = ["not_proven", "tell_of_death", "ways_on", "why_not_resumed"]
+__all__ = ["death_of", "not_proven", "tell_of_death", "ways_on", "why_not_resumed"]
 
+_UNSEALED = "before the run was sealed"
 _GUARDIAN_S = 10.0
 _COMMAND_S = 10.0
 _LOOK_S = 0.1
 _LOOKS = 2  # the guardian may be writing a latch at the moment of one
 _TAIL = 1 << 20
 """Bytes at a journal's end in which its last events stand, if it has come to them."""
+
+
+def death_of(folder: Path, how: str) -> str:
+    """Return a sentence on the death of a run's process, and whether the package was sealed by then.
+
+    Args:
+        folder: the run's folder.
+        how: how its process ended, as "was ended by SIGKILL".
+    """
+    when = "after the run was sealed and before its package was verified" if is_sealed(folder) else _UNSEALED
+    return f"the process of the run {how} {when}"
 
 
 def tell_of_death(
@@ -74,9 +86,7 @@ def _tell(folder: Path, how: str, ways: list[str], guardian_s: float, command_s:
     from hil.executive.people.notifying import Notifier  # noqa: PLC0415 - as above
 
     with _undisturbed():
-        told = "; ".join(
-            (f"the process of the run {how} before the run was sealed", *_bench(folder, guardian_s), *ways)
-        )
+        told = "; ".join((death_of(folder, how), *_bench(folder, guardian_s), *ways))
         notifier = Notifier(workspace.notify, workspace.root, command_s)
         notifier.attach(folder.name, None)
         became = notifier.send("died", told)
@@ -135,6 +145,9 @@ def ways_on(folder: Path) -> Iterator[str]:
     """
     from hil.bench.lease import ack_line, latches_of  # noqa: PLC0415 - only after a run that died
 
+    if is_sealed(folder):
+        yield f"verify the package, and enter its seal in the ledger: hil seal {folder.name}"
+        return
     yield f"check the bench first; then see how far the run got: hil status {folder.name}"
     seal = f"seal it as it is: hil seal {folder}"
     try:

@@ -251,17 +251,18 @@ def _believed(status: int, words: Mapping[str, tuple[int, str]]) -> int:
         code, folder = words["sealed"]
         _say(f"hil: the process {how} after the run was sealed; the package is {folder}")
         return code
-    _say(f"hil: the process of the run {how} before the run was sealed")
     if "begun" in words:
         return _died(Path(words["begun"][1]), how, _say)
+    _say(f"hil: the process of the run {how} before the run was sealed")
     _say("     no case had begun and nothing was driven; hil runs shows whether it left a folder")
     return _INTERNAL
 
 
 def _died(run: Path, how: str, say: Callable[[str], None]) -> int:
     """Print what a person can do next, send the notification of a run that died, and return its exit code."""
-    from hil.cli.died import not_proven, tell_of_death, ways_on  # noqa: PLC0415 - only after a run that was interrupted
+    from hil.cli.died import death_of, not_proven, tell_of_death, ways_on  # noqa: PLC0415 - only after an interruption
 
+    say(f"hil: {death_of(run, how)}")
     left = not_proven(run)
     if left:
         _say(f"     NOT PROVEN SAFE: {', '.join(left)}; go to the bench and switch them off by hand")

@@ -63,6 +63,17 @@ def test_who_waited_tells_of_the_death(place, capsys):
     assert "nobody was notified" not in capsys.readouterr().err
 
 
+def test_a_run_that_died_right_after_its_seal_is_not_called_unsealed(place, capsys):
+    """Nothing is resumed or sealed as it is: the package is verified, and entered in the ledger."""
+    folder = run_of(place)
+    (folder / "bagit.txt").touch()
+    assert supervision._believed(signal.SIGKILL, {"begun": (0, str(folder))}) == 3
+    said = "the process of the run was ended by SIGKILL after the run was sealed and before its package was verified"
+    way = f"verify the package, and enter its seal in the ledger: hil seal {folder.name}"
+    assert capsys.readouterr().err == f"hil: {said}\n     {way}\n"
+    assert told(place)["text"] == f"{said}; {way}"
+
+
 @pytest.mark.parametrize(
     ("code", "others", "notified"),
     [(3, {}, True), (3, {"sealed": (3, "/r")}, False), (2, {}, False), (0, {}, False)],
