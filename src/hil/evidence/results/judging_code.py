@@ -12,7 +12,6 @@ JUDGING = (
     "analysis",
     "executive/cases/certificate.py",
     "executive/cases/checks.py",
-    "executive/cases/given.py",
     "model/figure.py",
     "model/provenance.py",
     "model/verdict.py",

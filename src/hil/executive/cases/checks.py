@@ -13,13 +13,12 @@ from hil.evidence.events import EventSink
 from hil.executive.cases.certificate import standard_uncertainty, uncovered
 from hil.executive.cases.escapes import OfThisProcess
 from hil.executive.cases.facade import Facade
-from hil.executive.cases.given import given
 from hil.executive.cases.steps import Steps
 from hil.model.errors import HilError, Misused
 from hil.model.figure import Figure
 from hil.model.provenance import Provenance, merged
 from hil.model.verdict import Verdict
-from hil.requirements.decision import Judgement, combined, judge
+from hil.requirements.decision import Judgement, combined, given, judge
 from hil.requirements.requirement import Decision, Kind, Limit, Requirement
 from hil.requirements.units import UnitError
 
