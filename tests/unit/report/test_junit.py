@@ -7,7 +7,7 @@ from typed_events import outcome_of
 
 from hil.evidence.package.contents import Package
 from hil.model.verdict import Verdict
-from hil.report.junit import junit
+from hil.report.write import junit
 
 EXPECTED = {
     "PASS": None,
