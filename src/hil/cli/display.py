@@ -317,7 +317,7 @@ def _wrapped(text: str, stream: object) -> str:
     width = _width(cast("TextIO", stream)) if text.endswith("\n") else 0  # a question waits for its answer on its line
     if width <= 0 or all(len(line) <= width for line in text.splitlines()):
         return text
-    from hil.report.tables import fitting  # noqa: PLC0415 - only for lines that are too long
+    from hil.documents.text import fitting  # noqa: PLC0415 - only for lines that are too long
 
     found: list[str] = []
     for line in text.splitlines():

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+import textwrap
 import unicodedata
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,6 +19,7 @@ __all__ = [
     "MOST_BYTES",
     "counted",
     "decoded",
+    "fitting",
     "hidden_character",
     "is_there",
     "name_problem",
@@ -81,6 +84,24 @@ def writable(text: str) -> str:
 def one_line(text: str) -> str:
     """Return the same with line ends escaped, too, for text on a line of its own."""
     return writable(text).replace("\n", "\\n")
+
+
+def fitting(lines: Iterable[str], width: int) -> list[str]:
+    """Return lines that are not wider than a terminal, broken between words, and indented like their beginning.
+
+    Args:
+        lines: what is to be shown.
+        width: of the terminal in columns; 0 leaves the lines as they are, for a file or a pipe.
+    """
+    if width <= 0:
+        return list(lines)
+    words = textwrap.TextWrapper(width=width, break_long_words=False, break_on_hyphens=False)
+    found: list[str] = []
+    for line in lines:
+        words.initial_indent = " " * (len(line) - len(line.lstrip()))  # a first word that is too long has it, too
+        words.subsequent_indent = f"{words.initial_indent}  "
+        found += words.wrap(line.lstrip()) or [""]
+    return found
 
 
 def _out(character: str) -> str:

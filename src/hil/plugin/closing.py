@@ -8,6 +8,7 @@ from contextlib import AbstractContextManager, suppress
 from pathlib import Path
 from typing import Protocol, TextIO
 
+from hil.documents.text import fitting
 from hil.evidence.folder import JOURNAL, RESULTS, is_sealed
 from hil.executive.people.notifying import Notifier
 from hil.executive.session import Session
@@ -15,7 +16,6 @@ from hil.model.errors import EvidenceError
 from hil.plugin.left_open import left_open_lines, lost_lines
 from hil.report.sentences import uncovered
 from hil.report.summary import closing_lines
-from hil.report.tables import fitting
 from hil.report.write import copy_junit, write_reports
 
 __all__ = ["Word", "close", "complain"]

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Container, Iterable, Sequence
 
-__all__ = ["aligned", "fitting", "labelled"]
+__all__ = ["aligned", "labelled"]
 
 
 def aligned(
@@ -35,21 +34,3 @@ def aligned(
 def labelled(facts: Iterable[tuple[str, str]], *, indent: str = "") -> list[str]:
     """Return a line for each known fact, its label first."""
     return aligned([fact for fact in facts if fact[1]], indent=indent)
-
-
-def fitting(lines: Iterable[str], width: int) -> list[str]:
-    """Return lines that are not wider than a terminal, broken between words, and indented like their beginning.
-
-    Args:
-        lines: what is to be shown.
-        width: of the terminal in columns; 0 leaves the lines as they are, for a file or a pipe.
-    """
-    if width <= 0:
-        return list(lines)
-    words = textwrap.TextWrapper(width=width, break_long_words=False, break_on_hyphens=False)
-    found: list[str] = []
-    for line in lines:
-        words.initial_indent = " " * (len(line) - len(line.lstrip()))  # a first word that is too long has it, too
-        words.subsequent_indent = f"{words.initial_indent}  "
-        found += words.wrap(line.lstrip()) or [""]
-    return found

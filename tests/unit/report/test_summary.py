@@ -3,11 +3,11 @@ import specimen_run
 from typed_events import body_of, event_of, outcome_of
 
 from hil.documents.canonical import JsonError
+from hil.documents.text import fitting
 from hil.evidence.folder import RESULTS
 from hil.evidence.package.contents import Package
 from hil.evidence.results.outcome import read_outcome
 from hil.report.summary import check_lines, closing_lines
-from hil.report.tables import fitting
 
 
 def test_closing_block_of_a_failed_run(folder):

@@ -10,9 +10,9 @@ from dataclasses import dataclass, field
 from hil.analysis.allan.results import AllanCurve, NoiseModel
 from hil.analysis.gates import Gate
 from hil.cli.analyses.log import INCONCLUSIVE, Log, log_as_json, status
-from hil.documents.text import counted
+from hil.documents.text import counted, fitting
 from hil.model.figure import Figure, FigureStatus
-from hil.report.tables import aligned, fitting
+from hil.report.tables import aligned
 
 __all__ = ["NAMES", "Axis", "Result", "as_json", "as_text", "called", "heading", "stated"]
 

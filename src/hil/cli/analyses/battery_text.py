@@ -19,9 +19,10 @@ from hil.analysis.battery.series import SECONDS_PER_HOUR, Series
 from hil.analysis.battery.steps import Segmentation, StepKind, segment
 from hil.analysis.battery.summary import Summary, incremental_capacities
 from hil.cli.analyses.log import INCONCLUSIVE, gates_as_json
+from hil.documents.text import fitting
 from hil.logs.battery import BatteryLog
 from hil.logs.mapping import Accuracy
-from hil.report.tables import aligned, fitting
+from hil.report.tables import aligned
 
 __all__ = ["Result", "as_json", "as_text"]
 

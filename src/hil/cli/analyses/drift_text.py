@@ -15,8 +15,9 @@ from hil.analysis.drift import Drift
 from hil.analysis.gates import Gate
 from hil.cli.analyses.allan_text import called, heading, stated
 from hil.cli.analyses.log import Log, log_as_json, status
+from hil.documents.text import fitting
 from hil.model.figure import Figure, FigureStatus, encoded
-from hil.report.tables import aligned, fitting
+from hil.report.tables import aligned
 
 __all__ = ["Fragment", "Result", "as_json", "as_table", "as_text"]
 

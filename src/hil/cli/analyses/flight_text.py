@@ -11,8 +11,9 @@ from hil.analysis.motion import AXES, Kind
 from hil.cli.analyses.allan_text import heading, stated
 from hil.cli.analyses.log import Log, gates_as_json, log_as_json
 from hil.cli.analyses.wanted import Wanted
+from hil.documents.text import fitting
 from hil.model.figure import Figure, FigureStatus, encoded
-from hil.report.tables import aligned, fitting
+from hil.report.tables import aligned
 
 __all__ = ["Result", "as_json", "as_text"]
 

@@ -14,8 +14,9 @@ from hil.analysis.gyroscope.fitting import Candidate, Fit
 from hil.analysis.gyroscope.interchange import as_document, fingerprint
 from hil.cli.analyses.allan_text import stated
 from hil.cli.analyses.log import INCONCLUSIVE, gates_as_json
+from hil.documents.text import fitting
 from hil.model.figure import Figure
-from hil.report.tables import aligned, fitting
+from hil.report.tables import aligned
 
 __all__ = ["as_json", "as_text"]
 

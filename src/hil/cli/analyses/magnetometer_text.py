@@ -14,8 +14,9 @@ from hil.analysis.magnetometer.calibration import AXES
 from hil.analysis.magnetometer.interchange import as_document
 from hil.cli.analyses.allan_text import stated
 from hil.cli.analyses.log import INCONCLUSIVE, gates_as_json
+from hil.documents.text import fitting
 from hil.model.figure import Figure, FigureStatus, encoded
-from hil.report.tables import aligned, fitting
+from hil.report.tables import aligned
 
 __all__ = ["as_json", "as_text", "likeness"]
 

@@ -183,7 +183,8 @@ def _as_json(file: str, report: PhotodiodeReport, gates: tuple[Gate, ...], remar
 def _as_text(file: str, report: PhotodiodeReport, gates: tuple[Gate, ...], remarks: tuple[str, ...]) -> str:
     from hil.analysis.photodiode.interchange import as_document  # noqa: PLC0415 - start-up stays light
     from hil.cli.analyses.allan_text import stated  # noqa: PLC0415 - start-up stays light
-    from hil.report.tables import aligned, fitting  # noqa: PLC0415 - start-up stays light
+    from hil.documents.text import fitting  # noqa: PLC0415 - start-up stays light
+    from hil.report.tables import aligned  # noqa: PLC0415 - start-up stays light
 
     doubts = [f"INCONCLUSIVE: {gate}; nothing is exported" for gate in gates if gate.ok is False]
     lines = [f"{file}: {len(report.residual)} readings"]

@@ -13,8 +13,9 @@ from hil.analysis.spectra.lines import Line
 from hil.analysis.spectra.welch import interval
 from hil.cli.analyses.allan_text import called, heading, stated
 from hil.cli.analyses.log import INCONCLUSIVE, Log, log_as_json, status
+from hil.documents.text import fitting
 from hil.model.figure import Figure, FigureStatus, encoded
-from hil.report.tables import aligned, fitting
+from hil.report.tables import aligned
 
 __all__ = ["Axis", "Comparison", "Result", "as_json", "as_text", "squared"]
 

@@ -167,7 +167,8 @@ def _as_json(
 
 def _lines(said: str, curve: IvCurve, gates: tuple[Gate, ...], remarks: tuple[str, ...]) -> list[str]:
     from hil.cli.analyses.allan_text import stated  # noqa: PLC0415 - start-up stays light
-    from hil.report.tables import aligned, fitting  # noqa: PLC0415 - start-up stays light
+    from hil.documents.text import fitting  # noqa: PLC0415 - start-up stays light
+    from hil.report.tables import aligned  # noqa: PLC0415 - start-up stays light
 
     doubts = [f"INCONCLUSIVE: {gate}; nothing is exported" for gate in gates if gate.ok is False]
     lines = [said, *fitting([*doubts, *(f"note: {remark}" for remark in remarks)], 80), ""]

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from hil.analysis.published.check import CellVerdict, CheckedCell
-from hil.documents.text import counted
-from hil.report.tables import aligned, fitting
+from hil.documents.text import counted, fitting
+from hil.report.tables import aligned
 
 if TYPE_CHECKING:
     from hil.analysis.published.printed import Key

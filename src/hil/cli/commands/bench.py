@@ -12,8 +12,8 @@ import click
 
 from hil.cli.display import Unwritten
 from hil.cli.options import SERVED
+from hil.documents.text import fitting
 from hil.model.identity import Source
-from hil.report.tables import fitting
 
 if TYPE_CHECKING:
     from hil.bench.gate import Gate

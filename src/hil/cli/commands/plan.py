@@ -37,9 +37,9 @@ def command(
     The cases run from start to end on the simulated bench; no hardware is driven, and no package is kept.
     """
     pin()
+    from hil.documents.text import fitting  # noqa: PLC0415 - after the pins
     from hil.executive.setup.configuration import Request  # noqa: PLC0415 - after the pins
     from hil.plugin.rehearsing import procedure  # noqa: PLC0415 - after the pins
-    from hil.report.tables import fitting  # noqa: PLC0415 - after the pins
 
     request = Request(
         start=Path.cwd(),

@@ -132,7 +132,8 @@ def _write(document: Document, formats: Sequence[str], output: Path | None) -> N
 
 def _lines(document: Document) -> Iterator[str]:
     """Yield the trade table, and how many figures did not count."""
-    from hil.report.tables import aligned, fitting  # noqa: PLC0415 - heavy
+    from hil.documents.text import fitting  # noqa: PLC0415 - heavy
+    from hil.report.tables import aligned  # noqa: PLC0415 - heavy
 
     yield from fitting(document.warnings, _WIDTH)
     for role in document.candidates:

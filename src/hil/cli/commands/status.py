@@ -39,7 +39,7 @@ def command(run: str, follow: bool, as_json: bool) -> int:
 
         return go_along(folder)
     found = status(folder)
-    from hil.report.tables import fitting  # noqa: PLC0415 - heavy
+    from hil.documents.text import fitting  # noqa: PLC0415 - heavy
 
     for line in fitting(status_lines(found), shutil.get_terminal_size().columns if sys.stdout.isatty() else 0):
         click.echo(line)

@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.text import Text
 
 from hil.clock import wall
-from hil.documents.text import visible
+from hil.documents.text import fitting, visible
 from hil.evidence import events
 from hil.evidence.events.codec import plain
 from hil.report.live.lines import one_line
@@ -22,7 +22,6 @@ from hil.report.live.readings import Readings
 from hil.report.numbers import bench_time, duration, limit_text, measured
 from hil.report.page.incidents import answered, attached, noted
 from hil.report.sentences import in_short
-from hil.report.tables import fitting
 
 __all__ = ["Progress", "StatusLine", "drawn", "folded"]
 
